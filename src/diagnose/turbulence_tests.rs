@@ -46,6 +46,11 @@ nz = {{ unit = "1/s", value = "lift" }}
 /// Nine maneuvers in turbulence so many times as strong, of an aircraft with this moment of the
 /// elevator.
 fn flown(moment: &str, strength: f64, seed: u64) -> Vec<Segment> {
+    flown_in(moment, strength, 0.0, seed)
+}
+
+/// The same where what drives the pitch rate lasts so many seconds, with the same density for what is slow.
+fn flown_in(moment: &str, strength: f64, lasts: f64, seed: u64) -> Vec<Segment> {
     let truth = model("+ w_alpha", "+ w_q", moment);
     let propagator = Propagator::new(&truth, Directions::default()).expect("a propagator");
     let (dt, n) = (0.02, 500);
@@ -53,11 +58,14 @@ fn flown(moment: &str, strength: f64, seed: u64) -> Vec<Segment> {
         let (unit, amplitude) = ([0.35, 0.5, 0.7][s % 3], [0.04, -0.06, 0.09, -0.03][s % 4]);
         let mut air = Stream::new(seed, &["air", &s.to_string()]);
         let gust = DENSITIES.map(|f| strength * f / f64::sqrt(dt));
-        let row = |k: usize| {
+        let keep = if lasts > 0.0 { libm::exp(-dt / lasts) } else { 0.0 };
+        let mut pitch = 0.0;
+        let mut row = |k: usize| {
             let de = steps(k as f64 * dt, unit, amplitude);
-            [de, 90.0, gust[0] * air.normal(), gust[1] * air.normal()]
+            pitch = keep * pitch + (1.0 - keep) * gust[1] * air.normal();
+            [de, 90.0, gust[0] * air.normal(), pitch]
         };
-        let inputs: Vec<f64> = (0..n).flat_map(row).collect();
+        let inputs: Vec<f64> = (0..n).flat_map(&mut row).collect();
         let seen = inputs.chunks(4).flat_map(|u| [u[0], u[1]]).collect();
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
         let channels = (0..3)
@@ -116,6 +124,34 @@ fn recovery_turbulence_is_no_missing_effect_and_its_densities_are_found() {
         for (density, truth) in found.densities.iter().zip(DENSITIES) {
             let sd = density.sd.expect("a standard deviation");
             assert!((density.value - truth).abs() < 4.0 * sd && sd < 0.1 * truth, "{density:?}");
+        }
+    }
+}
+
+#[test]
+fn recovery_turbulence_that_lasts_is_found_with_its_time() {
+    let truth = 0.2;
+    for seed in 0..4 {
+        let d = judged("M_d*de", &flown_in("M_d*de", 4.0, truth, seed), &Settings::default());
+        let found = d.turbulence.as_ref().unwrap_or_else(|| panic!("{seed}: {}", told(&d)));
+        println!("{:?}", found.densities);
+        assert_eq!(d.verdict, Verdict::ButTurbulence, "{seed}: {found:?} {}", told(&d));
+        let pitch = found.densities.iter().find(|density| density.state == "q").expect("q");
+        let (time, sd) = pitch.lasts.expect("no white noise");
+        let sd = sd.expect("a standard deviation");
+        assert!((time - truth).abs() < 4.0 * sd && sd < 0.2 * truth, "{time} +- {sd}");
+        let alpha = found.densities.iter().find(|density| density.state == "alpha");
+        assert_eq!(alpha.map(|density| density.lasts), Some(None));
+    }
+}
+
+/// Nor for turbulence that lasts.
+#[test]
+fn recovery_what_is_missing_is_not_taken_for_turbulence_that_lasts() {
+    for (truth, base) in [("M_d*de", "0.0*M_d*de"), ("M_d*de*(1 - 150*(de/rad)^2)", "M_d*de")] {
+        for seed in 0..2 {
+            let d = judged(base, &flown_in(truth, 4.0, 0.2, seed), &Settings::default());
+            assert_eq!(d.verdict, Verdict::Located, "{base} {seed}: {}", told(&d));
         }
     }
 }

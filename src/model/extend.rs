@@ -30,6 +30,11 @@ pub fn output_delay(output: &str) -> String {
     format!("tau_{output}")
 }
 
+/// Name of the scale of an output.
+pub fn output_scale(output: &str) -> String {
+    format!("scale_{output}")
+}
+
 /// Name of the input that carries what was measured of an output.
 fn feedback(output: &str) -> String {
     format!("measured_{output}")
@@ -120,6 +125,23 @@ impl Model {
             }
         }
         errors.or(model)
+    }
+
+    /// With a new parameter, which comes along: how many times too much the sensor of an output reads,
+    /// `z = scale_y y`. It starts at one.
+    ///
+    /// # Errors
+    /// A name that the model does not have, or whose scale has the name of something else.
+    pub fn with_scale(&self, name: &str) -> Result<(Model, usize)> {
+        let mut model = self.clone();
+        let output = self.known(self.output(name), "output", name, &self.outputs)?;
+        let none = Quantity { unit: "-".to_string(), ..Default::default() };
+        let p = model.add_shift(output_scale(name), &none, &Scope::Campaign)?;
+        model.parameters[p].quantity.doc = format!("scale of {name}");
+        model.parameters[p].start = 1.0;
+        let scale = model.graph.leaf(Leaf::Parameter(p));
+        model.output_nodes[output] = model.graph.mul(scale, model.output_nodes[output]);
+        Ok((model, p))
     }
 
     /// With feedback of the measurement to the rates of the named states:

@@ -27,6 +27,7 @@ pub const EMBEDDED: &[(&str, &str)] = embedded![
     "kinematics_wind",
     "path_air",
     "path_air_angles",
+    "path_airspeed",
     "path_altitude",
     "path_euler",
     "path_flat_earth",

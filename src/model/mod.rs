@@ -60,7 +60,7 @@ pub use parts::{
 };
 pub use program::{Layout, Program};
 pub use tables::Tables;
-pub use turbulent::density_of;
+pub use turbulent::{Driven, density_of, lasting_of};
 
 /// A compiled model. States made by `lag()` stand behind the declared ones.
 #[derive(Debug, Clone, Default)]

@@ -22,6 +22,7 @@
 //! differencing a vane. With gusts these are the accelerations of the aircraft's motion, without
 //! the gusts' own.
 
+mod airspeed;
 mod axes;
 mod checked;
 pub mod consistency;
@@ -45,6 +46,7 @@ mod tests;
 mod turns;
 mod usable;
 mod verdicts;
+mod wide;
 mod windows;
 
 use std::borrow::Cow;

@@ -9,7 +9,7 @@ use super::smoother::levels::Levels;
 use super::survey::{SIGNIFICANT, UNKNOWN};
 use super::verdicts;
 use crate::math::distribution::INTERVAL_95;
-use crate::model::Parameter;
+use crate::model::{Parameter, Quantity};
 
 /// Lines about the sensor errors of a stretch: what the data say of them.
 pub fn estimated(
@@ -29,9 +29,12 @@ pub fn estimated(
             smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt(),
         );
         let known = sd < UNKNOWN * levels.start_sd[nx + k];
-        if let Some(sensor) = sensor(kinematics, &parameter.quantity.name).filter(|_| known) {
-            rows.extend(verdicts::bias_row(&sensor, &parameter.quantity.unit, value));
+        let Quantity { name, unit, .. } = &parameter.quantity;
+        let at_least = value - value.signum() * (3.0 * sd).min(value.abs());
+        if let Some(sensor) = sensor(kinematics, name) {
+            rows.extend(verdicts::bias_row(&sensor, unit, (value, at_least)));
         }
+        rows.extend(verdicts::error_row(name, parameter.start, unit, (value, sd)));
         let verdict = match (known, (value - parameter.start).abs() > SIGNIFICANT * sd) {
             (false, _) => "not observable",
             (true, true) => "significant",

@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use super::airspeed;
 use super::axes::{ANGLES, axes};
 use super::consistency;
 use super::found::Found;
@@ -17,15 +18,20 @@ use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::smoother::{Innovations, Smoother};
 use super::stretches::{SHORTEST, guess, levels, stretches};
-use super::survey::{LATE, Survey, UNKNOWN, survey};
+use super::survey::{ENOUGH, LATE, Survey, UNKNOWN, survey};
 use super::usable::usable;
 use super::verdicts;
+use super::wide::{self, Wide};
 use crate::error::{Errors, Result};
 use crate::model::Model;
 use crate::signal::resample::Grid;
 
 /// Standard deviations per second along the path.
 const DEVIATIONS_HZ: f64 = 10.0;
+
+/// Without a channel that drives it.
+const REVERSED_INPUT: &str =
+    "no flight path: an input of the kinematic model has its sign reversed";
 
 /// Channels with a reversed sign that are looked for, one after the other.
 const REVERSED: usize = 3;
@@ -35,6 +41,8 @@ struct Work<'a> {
     settings: &'a Settings,
     kinematics: &'a Kinematics<'a>,
     smoother: Smoother<'a>,
+    /// Where candidates are held.
+    wide: Option<Wide<'a>>,
     stretches: Vec<[f64; 2]>,
     path: FlightPath,
     found: Found,
@@ -111,6 +119,12 @@ pub fn smooth(
     path.late.clone_from(&found.late);
     let angles = ANGLES.iter().filter_map(|angle| model.output(angle));
     path.late.extend(angles.zip(axes.late.into_iter().cycle()));
+    let all = wide::kinematics(model, !found.held.is_empty(), found.levels.as_ref())?;
+    let wide = all.as_ref().zip(found.levels.clone()).map(|(all, (_, begin))| Wide {
+        smoother: Smoother::new(all, &flight, settings.gate),
+        begin,
+        passes: found.passes,
+    });
     let stretches = stretches(&flight, settings);
     if stretches.is_empty() {
         let text = format!(
@@ -123,6 +137,7 @@ pub fn smooth(
         settings,
         kinematics: &kinematics,
         smoother,
+        wide,
         stretches,
         path,
         found,
@@ -137,6 +152,10 @@ impl Work<'_> {
         let (mut guess, gusts) = guess(self.kinematics, flight, self.settings);
         let (out, mut compared) = self.reversed(&guess);
         let culprits = compared.split_off(compared.len() - out.len());
+        // With so many that contradict each other there is nothing to hold an inertial sensor against.
+        let drives = |c: &&Comparison| matches!(c.which, Which::Input(_)) && c.reversed();
+        let more = compared.iter().find(drives).map(|c| c.which);
+        let out: Vec<Which> = out.into_iter().chain(more).collect();
         let in_model = |which: &Which| match *which {
             Which::Output(k) => Which::Output(flight.channels[k].output),
             input => input,
@@ -146,10 +165,7 @@ impl Work<'_> {
             match which {
                 Which::Output(k) => guess.r[k] = f64::INFINITY,
                 Which::Input(_) => {
-                    let text =
-                        "no flight path: an input of the kinematic model has its sign reversed"
-                            .to_string();
-                    self.path.notes.push(Note::lost(text));
+                    self.path.notes.push(Note::lost(REVERSED_INPUT.to_string()));
                     self.rows(&[compared, culprits].concat());
                     return Ok(self.finish());
                 }
@@ -157,6 +173,7 @@ impl Work<'_> {
         }
         let levels =
             levels(&self.smoother, &self.stretches, &guess, &gusts, &self.found, self.settings);
+        self.level(&levels)?;
         let errors = self.smooth(grid, &levels);
         if errors.values.is_empty() {
             self.rows(&[compared, culprits].concat());
@@ -167,6 +184,11 @@ impl Work<'_> {
             let known = errors.known(self.kinematics);
             let compared =
                 consistency::compare(&self.smoother, &sharp, &self.stretches, &out, Some(&known));
+            if compared.iter().any(|c| drives(&c)) {
+                self.path.notes.push(Note::lost(REVERSED_INPUT.to_string()));
+                let (values, sds) = (&mut self.path.outputs, &mut self.path.sd);
+                values.iter_mut().chain(sds).for_each(|column| column.fill(f64::NAN));
+            }
             self.rows(&[compared, culprits].concat());
         }
         for (k, channel) in
@@ -192,6 +214,17 @@ impl Work<'_> {
         self.needed(&levels);
         self.filtered(&levels);
         Ok(self.finish())
+    }
+
+    /// The line of the airspeed's level, by the longest stretch.
+    fn level(&mut self, levels: &Levels) -> Result<()> {
+        let length = |s: &&[f64; 2]| s[1] - s[0];
+        let longest = self.stretches.iter().max_by(|a, b| length(a).total_cmp(&length(b)));
+        let Some(&[from, to]) = longest else { return Ok(()) };
+        let (flight, part) = (self.smoother.flight, [from, to.min(from + ENOUGH)]);
+        let row = airspeed::level(self.kinematics, flight, levels, part, self.settings)?;
+        self.path.checks.extend(row);
+        Ok(())
     }
 
     /// The lines about how noisy the inertial sensors have to be.
@@ -324,7 +357,7 @@ impl Work<'_> {
                 // scales and delays are products with states all along
                 about.get_or_insert_default().known = self.found.constants(kinematics, levels);
             }
-            let smoothed = self.smoother.path(
+            let mut smoothed = self.smoother.path(
                 about.as_ref(),
                 levels,
                 stretch,
@@ -341,6 +374,12 @@ impl Work<'_> {
                 );
                 self.path.notes.push(Note::lost(text));
                 continue;
+            }
+            let at = (kinematics, levels, stretch);
+            let mut widened = |wide: &Wide| wide.widen(at, (*grid, every), &mut out, &mut smoothed);
+            if self.wide.as_ref().is_some_and(|wide| !widened(wide)) {
+                let text = "standard deviations suppose that errors which the data do not support are none: with them the filter does not stay finite";
+                self.path.notes.push(text.to_string().into());
             }
             let found = &self.found;
             self.path.biases.extend(biases(kinematics, found, &smoothed, number, stretch));

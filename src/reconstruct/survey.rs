@@ -25,8 +25,8 @@ const SURVEYS: usize = 6;
 /// Sensor errors have settled when none is further from where it was linearised than so many of its
 /// standard deviations: what is left is its product with the filter's error of a state.
 const SETTLED: f64 = 2.0;
-/// Until stamps are where they belong, so much of a long flight is enough, s.
-const ENOUGH: f64 = 600.0;
+/// Until stamps are where they belong, and for the level of an airspeed, so much of a long flight is enough, s.
+pub const ENOUGH: f64 = 600.0;
 /// An error is significant from so many standard deviations on.
 pub const SIGNIFICANT: f64 = 2.0;
 

@@ -120,17 +120,64 @@ fn equivalent(k: f64) -> String {
     }
 }
 
+/// An airspeed is off from this share on.
+const LEVEL: f64 = 0.02;
+
+/// The line of a channel's level against what all others say of it, `k` times too much with its standard
+/// deviation; none where they do not tell.
+pub fn level_row(channel: &str, [k, sd]: [f64; 2]) -> Option<Row> {
+    let limit = LEVEL.max(4.0 * sd);
+    let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
+    let why = match verdict {
+        "scaled" => {
+            "; wind and biases of accelerometers take that up, and are wrong: another unit, or an error of position?"
+        }
+        _ => "",
+    };
+    let text = format!(
+        "reads {k:.4} +- {:.4} (95%) times what all others say{why}{}",
+        INTERVAL_95 * sd,
+        if verdict == "scaled" { equivalent(k) } else { String::new() }
+    );
+    (sd < LEVEL / 2.0).then(|| {
+        let row = Row::of(channel, "level", k, "-", (verdict, text));
+        Row { low: 1.0 - limit, high: 1.0 + limit, ..row }
+    })
+}
+
+/// Scales that a sensor may have.
+const SCALES: [f64; 2] = [0.5, 2.0];
+/// Steady wind along an axis that there is, m/s.
+const WIND: f64 = 120.0;
+
+/// The line of an error of a sensor, or a wind, that there is not: what is wrong with another sensor, or with a
+/// unit, is taken up by it. Beyond chance by its standard deviation.
+pub fn error_row(name: &str, start: f64, unit: &str, (value, sd): (f64, f64)) -> Option<Row> {
+    let ([low, high], what) = match (unit, start) {
+        ("-", 1.0) => (SCALES, "a scale"),
+        ("m/s", _) if name.starts_with("wind_") => ([-WIND, WIND], "a wind"),
+        _ => return None,
+    };
+    let text = format!(
+        "{what} of {value:.4}, which there is not: another unit, a stamp or another sensor?"
+    );
+    (value + 3.0 * sd < low || value - 3.0 * sd > high).then(|| {
+        let row = Row::of(name, "scale", value, unit, ("implausible", text));
+        Row { low, high, ..row }
+    })
+}
+
 /// The largest bias that an inertial sensor may have, by its unit.
 const BIASES: [(&str, f64); 2] = [("m/s^2", 2.0), ("rad/s", 0.1)];
 
 /// The line of a sensor whose bias, as it was found, no such sensor has: what it measures in another unit,
-/// about another axis or with another sign is taken up by that.
-pub fn bias_row(channel: &str, unit: &str, value: f64) -> Option<Row> {
+/// about another axis or with another sign is taken up by that. `sure`: what it is beyond chance.
+pub fn bias_row(channel: &str, unit: &str, (value, sure): (f64, f64)) -> Option<Row> {
     let (_, most) = BIASES.into_iter().find(|(of, _)| *of == unit)?;
     let text = format!(
         "a bias of {value:.3} {unit}, where such a sensor has {most} at most: another unit, axis or sign?"
     );
-    (value.abs() > most).then(|| Row {
+    (sure.abs() > most).then(|| Row {
         channel: channel.to_string(),
         check: "bias",
         value,
@@ -142,8 +189,9 @@ pub fn bias_row(channel: &str, unit: &str, value: f64) -> Option<Row> {
     })
 }
 
-/// Temperatures of air and what flies in it, K.
-const TEMPERATURES: [f64; 2] = [150.0, 700.0];
+/// Temperatures of air, at rest or brought to rest at twice the speed of sound, K. (Kelvin taken for degrees Celsius are above
+/// 470 K.)
+const TEMPERATURES: [f64; 2] = [150.0, 450.0];
 
 /// The line of a temperature that no air has; none where it may be one.
 pub fn temperature_row(channel: &str, unit: &str, y: &[f64]) -> Option<Row> {
@@ -151,7 +199,7 @@ pub fn temperature_row(channel: &str, unit: &str, y: &[f64]) -> Option<Row> {
     let [low, high] = TEMPERATURES;
     let middle = median(&known);
     let text = format!(
-        "{middle:.1} K in the middle of the flight's values, which no air has: degrees Celsius?"
+        "{middle:.1} K in the middle of the flight's values, which no air has: kelvin and degrees Celsius exchanged?"
     );
     (unit == "K" && !known.is_empty() && !(low..high).contains(&middle)).then(|| {
         let row = Row::of(channel, "unit", middle, unit, ("another unit", text));
@@ -381,6 +429,7 @@ mod tests {
     fn air_is_not_at_twenty_kelvin() {
         let of = |unit: &str, y: &[f64]| temperature_row("T", unit, y).map(|row| row.verdict);
         assert_eq!(of("K", &[15.0, f64::NAN, 14.0]), Some("another unit"));
+        assert_eq!(of("K", &[288.0 + 273.15, 480.0]), Some("another unit"));
         assert_eq!((of("K", &[288.0, 250.0]), of("m", &[15.0]), of("K", &[])), (None, None, None));
     }
 
@@ -393,8 +442,30 @@ mod tests {
     }
 
     #[test]
+    fn an_airspeed_in_knots_is_told_and_one_that_nobody_knows_is_not() {
+        let of = |k: f64, sd: f64| level_row("V", [k, sd]).map(|row| row.verdict);
+        assert_eq!((of(0.514, 1e-3), of(1.03, 2e-4)), (Some("scaled"), Some("scaled")));
+        assert_eq!((of(1.01, 2e-4), of(1.03, 8e-3)), (Some("good"), Some("good")));
+        assert_eq!(of(0.5, 0.1), None);
+    }
+
+    #[test]
+    fn a_vane_in_another_unit_is_implausible() {
+        let of = |name: &str, start: f64, unit: &str, value: f64| {
+            error_row(name, start, unit, (value, 1e-3)).map(|row| row.verdict)
+        };
+        assert_eq!(of("k_alpha", 1.0, "-", 0.0175), Some("implausible"));
+        assert_eq!(of("k_alpha", 1.0, "-", 3.9), Some("implausible"));
+        assert_eq!(of("wind_n", 0.0, "m/s", -240.0), Some("implausible"));
+        assert_eq!(of("k_alpha", 1.0, "-", 1.3), None);
+        assert_eq!((of("wind_e", 0.0, "m/s", 70.0), of("b_V", 0.0, "m/s", 140.0)), (None, None));
+    }
+
+    #[test]
     fn a_bias_that_no_sensor_has_is_implausible() {
-        let of = |unit: &str, value: f64| bias_row("az_imu", unit, value).map(|row| row.verdict);
+        let of = |unit: &str, value: f64| {
+            bias_row("az_imu", unit, (value, value)).map(|row| row.verdict)
+        };
         assert_eq!(of("m/s^2", 9.037), Some("implausible"));
         assert_eq!(of("m/s^2", -10.8), Some("implausible"));
         assert_eq!(of("rad/s", 0.2), Some("implausible"));

@@ -62,8 +62,15 @@ pub fn turbulence(table: Option<&Columns>) -> Grid {
     let Some(table) = table.filter(|t| t.rows() > 0) else {
         return Grid::missing("No noise was let drive a model.");
     };
-    let mut grid =
-        Grid::new(["diagnosis", "noise in the rate of", "#root of its density", "#sd", "accounts"]);
+    let mut grid = Grid::new([
+        "diagnosis",
+        "noise in the rate of",
+        "#root of its density",
+        "#sd",
+        "#lasts (s)",
+        "#sd",
+        "accounts",
+    ]);
     for row in 0..table.rows() {
         let value = |name: &str| number(table.number(name, row), 3);
         grid.push(vec![
@@ -71,6 +78,8 @@ pub fn turbulence(table: Option<&Columns>) -> Grid {
             table.text("state", row).into(),
             Cell::new(value("density")).under(table.text("unit", row)),
             value("sd").into(),
+            value("lasts").into(),
+            value("lasts_sd").into(),
             table.text("accounts", row).into(),
         ]);
     }

@@ -33,10 +33,11 @@ fn build(given: &Given) -> Result<Option<Body>> {
 }
 
 /// Checks with a column of their own, and its heading.
-const SHOWN: [(&str, &str); 9] = [
+const SHOWN: [(&str, &str); 10] = [
     ("axis", "#correlation|with its axis"),
     ("sign", "#correlation|with others"),
     ("scale", "#scale"),
+    ("level", "#level"),
     ("time skew", "#behind by|s"),
     ("clock", "#its change|s"),
     ("innovation size", "#innovations²|/ predicted"),
@@ -62,6 +63,8 @@ const NOT_COMPARED: &str = "not compared";
 const DEGREE: [&str; 6] = ["too large", "saturated", "outliers", "not used", "drifts", "opposed"];
 /// Of an inertial sensor that needs more noise than it shows, for the path to fit.
 const NEEDS_NOISE: &str = "needs noise";
+/// So many times what is much noise is worth a look in a single flight.
+const GROSS: f64 = 10.0;
 /// What it does in this share of the flights, and in several, is no matter of one flight's air.
 const OFTEN: f64 = 0.75;
 /// Verdicts that name the culprit: others of the flight may be held against it, and be wrong for that.
@@ -125,8 +128,12 @@ pub fn table(table: Option<&Columns>) -> Grid {
 /// How remarkable the verdict of a row is that is not good.
 pub fn level(table: &Columns, row: usize) -> Level {
     let verdict = table.text("verdict", row);
-    let rejected = verdict == "outliers" && table.number("value", row) > MOST_REJECTED;
+    let value = table.number("value", row);
+    let rejected = verdict == "outliers" && value > MOST_REJECTED;
     match verdict.as_str() {
+        // What drives the path and stops takes the path with it.
+        "saturated" if table.text("channel", row).ends_with("_imu") => Level::Bad,
+        NEEDS_NOISE if value > GROSS * table.number("high", row) => Level::Warn,
         v if REMARKS.contains(&v) => Level::Info,
         v if DEGREE.contains(&v) && !rejected => Level::Warn,
         _ => Level::Bad,

@@ -16,6 +16,10 @@
 //! more than `X'X` says where the source is large at the same instants. A pair is therefore only
 //! real if its gain also exceeds chance with `u`'s variance as it is, `X' diag(e^2) X` (White,
 //! Econometrica 48, 1980).
+//!
+//! A model that is driven by noisy records moves where the aircraft did not, and its residuals answer to
+//! just that. Inputs with as much noise again add as much to `u` as theirs did (Cook & Stefanski 1994),
+//! which is taken from it.
 
 use super::gain::gain;
 use super::innovation;
@@ -47,47 +51,61 @@ impl Located {
     }
 }
 
-/// Every pair of output and source. `theta`: parameters per segment place (held-out ones have own
-/// parameters of theirs).
+/// A case and the parameters of each of its segments (held-out ones have own parameters of theirs).
+pub struct At {
+    pub case: Case,
+    pub theta: Vec<Vec<f64>>,
+}
+
+/// The same flights where inputs have as much noise again, drawn several times; none where they have no
+/// noise. Asked for only where something is clear.
+pub type Noisier<'a> = dyn Fn() -> &'a [At] + 'a;
+
+/// Every pair of output and source.
 pub fn locate(
-    case: &Case,
+    at: &At,
     noise: &Noise,
     places: &Places,
-    theta: &dyn Fn(usize) -> Vec<f64>,
+    noisier: &Noisier,
     settings: &Settings,
 ) -> Vec<Located> {
     let thresholds = &settings.thresholds;
-    let at: Vec<Vec<f64>> = (0..case.records.len()).map(theta).collect();
     // Half of what chance is allowed for each of both questions.
     let chance = thresholds.question_share * (1.0 - settings.quantile);
-    let sources = |motion: bool| Sources::of(case, &places.training, chance, motion, thresholds);
+    let sources =
+        |motion: bool| Sources::of(&at.case, &places.training, chance, motion, thresholds);
     let (responding, foretelling) = (sources(false), sources(true));
-    let responses =
-        |of: &Sources, s: usize, size| sums(case, noise, of, s, &at[s], &|_| Some(&None), size);
-    let mut found = rows(case, &responding, places, "", &responses, thresholds.ridge);
-    let foretold =
-        |of: &Sources, s: usize, size| innovation::sums(case, noise, of, s, &at[s], size);
-    found.extend(rows(case, &foretelling, places, innovation::HOW, &foretold, thresholds.ridge));
+    let responses = |at: &At, of: &Sources, s: usize, size| {
+        sums(&at.case, noise, of, s, &at.theta[s], &|_| Some(&None), size)
+    };
+    let foretold = |at: &At, of: &Sources, s: usize, size| {
+        innovation::sums(&at.case, noise, of, s, &at.theta[s], size)
+    };
+    let flights = (at, noisier, places);
+    let mut found = rows(flights, &responding, "", &responses, thresholds.ridge);
+    found.extend(rows(flights, &foretelling, innovation::HOW, &foretold, thresholds.ridge));
     found.sort_by(|a, b| (b.gain - b.limit).total_cmp(&(a.gain - a.limit)));
     found
 }
 
 /// Sums of a segment: sources, its place, how the residuals' size is taken.
-type Of<'a> = dyn Fn(&Sources, usize, Size) -> Vec<Sums> + Sync + 'a;
+type Of<'a> = dyn Fn(&At, &Sources, usize, Size) -> Vec<Sums> + Sync + 'a;
 
 /// The best source of every group for every output.
 fn rows(
-    case: &Case,
+    (at, noisier, places): (&At, &Noisier, &Places),
     sources: &Sources,
-    places: &Places,
     how: &str,
     of: &Of,
     ridge: f64,
 ) -> Vec<Located> {
-    let alike = |s: usize| of(sources, s, Size::Alike);
-    let (training, held_out) = (
-        together(case, sources, &places.training, &alike),
-        together(case, sources, &places.held_out, &alike),
+    let case = &at.case;
+    let sums = |at: &At, sources: &Sources, segments: &[usize], size: Size| {
+        together(&at.case, sources, segments, &|s| of(at, sources, s, size))
+    };
+    let (training, mut held_out) = (
+        sums(at, sources, &places.training, Size::Alike),
+        sums(at, sources, &places.held_out, Size::Alike),
     );
     let n = sources.all.len();
     // Gain, coefficients and pair.
@@ -106,10 +124,29 @@ fn rows(
         sources.only(&most.iter().filter(|m| clear(m)).map(|m| m.2 % n).collect::<Vec<_>>());
     // Nothing is asked of the flights again where nothing is clear.
     let again: &[usize] = if asked.1.is_empty() { &[] } else { &places.training };
-    let varied = together(case, &asked.0, again, &|s| of(&asked.0, s, Size::AsItIs));
+    let varied = sums(at, &asked.0, again, Size::AsItIs);
+    let place = |i: usize| {
+        let source = asked.1.iter().position(|&source| source == i % n);
+        i / n * asked.1.len() + source.unwrap_or_default()
+    };
     for (gain, _, i) in most.iter_mut().filter(|m| clear(m)) {
-        let at = asked.1.iter().position(|&source| source == *i % n).unwrap_or_default();
-        *gain = gain.min(by_size(&training[*i], &varied[*i / n * asked.1.len() + at], ridge));
+        *gain = gain.min(by_size(&training[*i], &varied[place(*i)], ridge));
+    }
+    let clear: Vec<usize> = (0..most.len()).filter(|&m| clear(&most[m])).collect();
+    let noisier = if clear.is_empty() { &[] } else { noisier() };
+    if !noisier.is_empty() {
+        let more = |segments: &[usize]| -> Vec<Vec<Gram>> {
+            noisier.iter().map(|at| sums(at, &asked.0, segments, Size::Alike)).collect()
+        };
+        let (more_training, more_held_out) = (more(&places.training), more(&places.held_out));
+        for m in clear {
+            let (gain, b, i) = &mut most[m];
+            let rest = less(&training[*i], &more_training, place(*i));
+            held_out[*i] = less(&held_out[*i], &more_held_out, place(*i));
+            let Some((left, response)) = best(&rest, ridge) else { continue };
+            *gain = gain.min(left).min(by_size(&rest, &varied[place(*i)], ridge));
+            *b = response;
+        }
     }
     let row = |(gain, b, i): (f64, Vec<f64>, usize)| {
         let (source, hold, e) = (&sources.all[i % n], &held_out[i], b.len());
@@ -125,6 +162,17 @@ fn rows(
         }
     };
     most.into_iter().map(row).collect()
+}
+
+/// Products without what noise of the inputs makes of those with the residuals: as much noise again,
+/// `more[draw][place]`, adds as much once more.
+fn less(gram: &Gram, more: &[Vec<Gram>], place: usize) -> Gram {
+    let (mut less, e) = (gram.clone(), gram.n - 1);
+    for k in 0..e {
+        let with: f64 = more.iter().map(|all| all[place].at(k, e)).sum();
+        less.sums[k * gram.n + e] -= with / more.len() as f64 - gram.at(k, e);
+    }
+    less
 }
 
 /// Gain of the best response, the residuals' size taken as it is.

@@ -11,6 +11,7 @@
 
 mod back;
 
+use super::answering::answering;
 use super::ending::ended;
 use super::fits::Fits;
 use super::judged::Standing;
@@ -23,7 +24,6 @@ use crate::diagnose::base::found::{Found, at_first, at_next};
 use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::Candidate;
 use crate::diagnose::gap::comparison::Comparison;
-use crate::diagnose::residual::located::locate;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
 use crate::error::Errors;
@@ -281,13 +281,7 @@ impl Search<'_> {
         let case = found.case();
         // What is left is looked at once before each addition; the tests of single effects change little of it.
         let located = match offered.2 {
-            None => locate(
-                &case,
-                &found.noise,
-                &found.places,
-                &|s| found.theta(s),
-                self.subject.settings,
-            ),
+            None => answering(stand, found, self.subject.settings),
             Some(_) => Vec::new(),
         };
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));

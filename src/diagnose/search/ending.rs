@@ -1,6 +1,7 @@
 //! The base, and the base with everything that was named, in; what is left of the gap with it, and the
 //! verdict, out.
 
+use super::answering::answering;
 use super::judged::{Judged, Round, Standing};
 use super::surrogate::times;
 use super::turbulence::turbulence;
@@ -13,7 +14,6 @@ use crate::diagnose::gap::before_after::Shift;
 use crate::diagnose::gap::comparison::comparison;
 use crate::diagnose::gap::left::left;
 use crate::diagnose::gap::varying::varying;
-use crate::diagnose::residual::located::locate;
 use crate::diagnose::subject::Subject;
 use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
@@ -31,7 +31,12 @@ pub fn ended(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<(), Errors> {
     let (case, settings) = (last.case(), subject.settings);
-    let located = locate(&case, &last.noise, &last.places, &|s| last.theta(s), settings);
+    // What takes small movements out of a record leaves some of its noise, which is not what more of it
+    // would be: what that does is known of the model without.
+    let located = match out.rounds.first().filter(|_| is_of_records(out)) {
+        Some(first) => first.located.clone(),
+        None => answering(stand, last, settings),
+    };
     out.values = values(&case, stand, &last.fit.theta);
     out.located = located.into_iter().filter(|l| l.is_real()).collect();
     out.missed = missed(last, &case, settings);
@@ -74,38 +79,48 @@ pub fn ended(
 /// Whether all that was found is small movements that records of inputs show and that did not happen,
 /// in all maneuvers (a finding) or in some (a doubt), and no parameter moves by more than
 /// `record_sds` when those found are taken out: the model itself lacks nothing then.
+///
+/// Nothing else shows with all of them in place, or what shows without them is contradicted.
 fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
-    let noise = |f: &Finding| {
-        let judged = |round: &Round| f.class.iter().all(|&c| round.judged[c].noise);
-        out.rounds.get(f.round).is_some_and(judged)
-    };
-    let found = out.findings.iter().all(noise)
-        && out.doubts.iter().all(|(name, _)| out.is_of_record(name))
-        && out.findings.len() + out.doubts.len() > 0;
+    let found = is_of_records(out) && out.doubts.iter().all(|(name, _)| out.is_of_record(name));
     let else_nothing = out.located.is_empty() && out.missed.is_empty() && out.unphysical.is_empty();
-    // With all of them in place nothing else shows.
     let last = out.rounds.iter().rfind(|round| !round.strict);
     let in_place = |round: &&Round| {
         let is_in = |name: &String| round.base.contains(name);
         let named = |f: &Finding| is_in(&out.rounds[f.round].judged[f.added].name);
         out.findings.iter().all(named) && out.doubts.iter().all(|(name, _)| is_in(name))
     };
-    let quiet = last.filter(in_place).is_some_and(|round| !shows(round, thresholds));
+    let quiet = last.filter(in_place).is_some_and(|round| !shows(round, thresholds))
+        || out.rounds.first().is_some_and(|round| is_contradicted(round, &REFUSED, thresholds));
     let moves = |s: &Shift| is_moved(s, thresholds.record_sds);
     found && else_nothing && quiet && !out.comparison.shifts.iter().any(moves)
 }
 
-/// Whether nothing was found, and all that shows on the training maneuvers is contradicted, or noise of a record: what gusts do goes with anything,
-/// a little, for a while.
+/// Whether nothing was found, and all that shows on the training maneuvers is contradicted, or held-out ones cannot tell: what gusts do goes with
+/// anything, a little, for a while.
 fn is_refuted(out: &Diagnosis, thresholds: &Thresholds) -> bool {
-    let Some(round) = out.rounds.first().filter(|_| out.findings.is_empty() && out.complete) else {
-        return false;
+    let found_nothing = out.findings.is_empty() && out.complete;
+    let refused: Vec<Standing> = REFUSED.into_iter().chain([Standing::Untold]).collect();
+    let refuted = |round: &Round| is_contradicted(round, &refused, thresholds);
+    found_nothing && out.rounds.first().is_some_and(refuted)
+}
+
+/// Whether all that was found, be it doubted, is noise of records.
+fn is_of_records(out: &Diagnosis) -> bool {
+    let noise = |f: &Finding| {
+        let judged = |round: &Round| f.class.iter().all(|&c| round.judged[c].noise);
+        out.rounds.get(f.round).is_some_and(judged)
     };
-    let contradicted = |j: &Judged| {
-        let refused =
-            matches!(j.standing, Standing::HeldOut | Standing::Inconsistent | Standing::Bounds);
-        refused || j.is_of_record()
-    };
+    let doubted = out.doubts.iter().filter(|(name, _)| out.is_of_record(name)).count();
+    out.findings.iter().all(noise) && out.findings.len() + doubted > 0
+}
+
+/// What held-out maneuvers or physics contradict.
+const REFUSED: [Standing; 3] = [Standing::HeldOut, Standing::Inconsistent, Standing::Bounds];
+
+/// Whether all that shows in a round was refused in one of these ways, or is noise of a record.
+fn is_contradicted(round: &Round, refused: &[Standing], thresholds: &Thresholds) -> bool {
+    let contradicted = |j: &Judged| refused.contains(&j.standing) || j.is_of_record();
     round.judged.iter().filter(|j| is_shown(j, round, thresholds)).all(contradicted)
 }
 

@@ -1,6 +1,7 @@
 //! A base and candidate effects in; rounds of screening, refits and decisions, and the verdict they
 //! end with, out.
 
+mod answering;
 mod by_noise;
 pub mod decide;
 pub mod diagnose;

@@ -3,8 +3,8 @@
 //!
 //! The model's rates are driven by white noise, those that depend on its parameters (the rest is
 //! kinematics, which holds in gusts too), and everything is estimated anew over all maneuvers by
-//! filter error: parameters, densities, noise of the sensors. Turbulence accounts for what was left
-//! if
+//! filter error: parameters, densities, noise of the sensors. Where innovations of states are not white
+//! then, the noise on their rates may last, as gusts do; for how long is estimated, too. Turbulence accounts for what was left if
 //!
 //! - what the filter takes for noise of each sensor is noise by the rule of `signal::adequacy`,
 //! - its innovations are white: their own past foretells less than `innovation_share` of them, and
@@ -12,7 +12,8 @@
 //!   does, which may have anything in it that is missing,
 //! - they go with no input, nor with its square or what its cube has besides (an effect that is not
 //!   linear): no correlation at any lag is above chance and above the root of `innovation_input`, the
-//!   share of their power,
+//!   share of their power (of a record with noise the neighbours are asked, which do not share its noise:
+//!   what is new answers to that as well),
 //! - a density is known to be more than nothing.
 //!
 //! Whatever drives the motion in proportion to an input, or to the motion itself, does not look like
@@ -28,7 +29,7 @@ use crate::dynamics::Record;
 use crate::error::Errors;
 use crate::estimate::{self, Estimation, Segment, Stop, Trace, estimate_segments};
 use crate::math::distribution::normal_quantile;
-use crate::model::{Model, density_of};
+use crate::model::{Driven, Model, density_of, lasting_of};
 
 /// The model driven by noise, as it was estimated.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +50,8 @@ pub struct Density {
     pub value: f64,
     /// None at zero.
     pub sd: Option<f64>,
+    /// How long the noise lasts, s, and its standard deviation; none for white noise.
+    pub lasts: Option<(f64, Option<f64>)>,
 }
 
 /// What a filter makes of an output.
@@ -64,39 +67,89 @@ pub struct Accounted {
 }
 
 /// Estimates the base with noise on its rates, from where it stands and, where that does not account
-/// for what is left, from where the model starts.
+/// for what is left, from where the model starts, and then with noise that lasts.
 pub fn turbulence(subject: &Subject, stand: &Stand, found: &Found, left: &[Left]) -> Turbulence {
-    let whole = whole(subject.segments);
-    let model = match driven(subject, stand, found, left) {
-        Ok(model) => model,
+    let by = match driven(subject, stand, found, left) {
+        Ok(by) => by,
         Err(why) => return refused(why),
     };
+    let whole = whole(subject.segments);
     let case = found.case();
+    let noisy = case.noise_of_inputs(0).map(|noise| case.noisy(&noise)).unwrap_or_default();
+    let noisy: Vec<String> = noisy.into_iter().map(|(name, _)| name).collect();
+    let tried =
+        |by: &[Driven], starts| tried((subject, stand), (by, starts), (&whole, &noisy), left);
     let here = case.unknowns.iter().zip(&found.fit.theta);
     let here = here.filter(|(u, _)| u.segment.is_none() && u.group.is_none());
-    let here: Vec<(String, f64)> = here
-        .filter(|(u, _)| model.parameter(&u.name).is_some())
-        .map(|(u, value)| (u.name.clone(), *value))
-        .collect();
-    let mut last = refused("noise on its rates was not tried".into());
+    let here: Vec<(String, f64)> = here.map(|(u, value)| (u.name.clone(), *value)).collect();
+    let mut last = (refused("noise on its rates was not tried".into()), Vec::new());
     for starts in [here, Vec::new()] {
-        let mut method = estimate::Settings { profile: Vec::new(), ..stand.method.clone() };
-        method.starts.extend(starts);
-        if let Some(free) = &mut method.free {
-            let states = model.states.iter().filter(|s| s.noise.is_some());
-            free.extend(states.map(|s| density_of(&s.quantity.name)));
-        }
-        last = match estimate_segments(&model, &whole, &method) {
-            Ok(estimation) => {
-                judged(&model, &whole, &estimation, left, (stand, &subject.settings.thresholds))
-            }
-            Err(errors) => refused(first(&errors)),
-        };
-        if last.objection.is_none() {
-            break;
+        last = tried(&by, starts);
+        if last.0.objection.is_none() {
+            return last.0;
         }
     }
-    last
+    let (white, solution) = last;
+    match lasting(&by, &white, (subject, stand, found)) {
+        Some(by) => Some(tried(&by, solution).0).filter(|t| t.objection.is_none()).unwrap_or(white),
+        None => white,
+    }
+}
+
+/// The base driven by this noise, judged, and the shared values that were found. `noisy`: inputs whose
+/// records have noise.
+fn tried(
+    (subject, stand): (&Subject, &Stand),
+    (by, starts): (&[Driven], Vec<(String, f64)>),
+    (segments, noisy): (&[Segment], &[String]),
+    left: &[Left],
+) -> (Turbulence, Vec<(String, f64)>) {
+    let model = match stand.model.driven_by(by) {
+        Ok(model) => model,
+        Err(errors) => return (refused(first(&errors)), Vec::new()),
+    };
+    let mut method = estimate::Settings { profile: Vec::new(), ..stand.method.clone() };
+    let has = |(name, _): &(String, f64)| model.parameter(name).is_some();
+    method.starts.extend(starts.into_iter().filter(has));
+    if let Some(free) = &mut method.free {
+        for driven in by {
+            let state = &stand.model.states[driven.state].quantity.name;
+            free.push(density_of(state));
+            free.extend(driven.lasts.map(|_| lasting_of(state)));
+        }
+    }
+    let estimation = match estimate_segments(&model, segments, &method) {
+        Ok(estimation) => estimation,
+        Err(errors) => return (refused(first(&errors)), Vec::new()),
+    };
+    let thresholds = &subject.settings.thresholds;
+    let flown = (segments, noisy);
+    let judged = judged((&model, by), flown, &estimation, left, (stand, thresholds));
+    let shared = estimation.rows.iter().filter(|r| r.segment.is_none() && r.group.is_none());
+    (judged, shared.map(|r| (r.name.clone(), r.value)).collect())
+}
+
+/// The same where noise lasts in those states whose innovations are not white; none where they all are.
+/// (Noise of a wrong colour moves the parameters, so that what is new may go with an input.)
+fn lasting(
+    by: &[Driven],
+    white: &Turbulence,
+    (subject, stand, found): (&Subject, &Stand, &Found),
+) -> Option<Vec<Driven>> {
+    let thresholds = &subject.settings.thresholds;
+    let case = found.case();
+    let time = characteristic_time(case.records.iter(), thresholds);
+    let step = case.records.iter().map(|r| r.dt).fold(f64::INFINITY, f64::min);
+    let is_white = |driven: &Driven| {
+        let name = &stand.model.states[driven.state].quantity.name;
+        let of = white.outputs.iter().find(|o| o.output == *name);
+        of.is_none_or(|o| o.foretold <= thresholds.innovation_share)
+    };
+    let lasts = |driven: &Driven| {
+        let lasts = (!is_white(driven)).then(|| [step, (0.5 * time).max(2.0 * step)]);
+        Driven { lasts, ..*driven }
+    };
+    (!by.iter().all(is_white)).then(|| by.iter().map(lasts).collect())
 }
 
 fn refused(why: String) -> Turbulence {
@@ -112,9 +165,14 @@ fn first(errors: &Errors) -> String {
     errors.0.first().map(|e| e.what.clone()).unwrap_or_default()
 }
 
-/// The model with noise on those rates whose states are measured: how large it may be is read from
-/// what is left of them.
-fn driven(subject: &Subject, stand: &Stand, found: &Found, left: &[Left]) -> Result<Model, String> {
+/// Noise on those rates whose states are measured: how large it may be is read from what is left of
+/// them.
+fn driven(
+    subject: &Subject,
+    stand: &Stand,
+    found: &Found,
+    left: &[Left],
+) -> Result<Vec<Driven>, String> {
     if stand.method.noise != estimate::NoiseKind::Diagonal {
         return Err("noise of outputs that is correlated is not known to a filter".into());
     }
@@ -124,15 +182,15 @@ fn driven(subject: &Subject, stand: &Stand, found: &Found, left: &[Left]) -> Res
         let name = &stand.model.states[i].quantity.name;
         let of = left.iter().find(|l| l.output == *name)?;
         // White noise of density F moves a state that remembers for a time T by F sqrt(T).
-        let start = of.adequacy.left() / time.sqrt();
-        (start > 0.0 && start.is_finite()).then_some((i, start))
+        let density = of.adequacy.left() / time.sqrt();
+        let driven = Driven { state: i, density, lasts: None };
+        (density > 0.0 && density.is_finite()).then_some(driven)
     };
-    let states: Vec<(usize, f64)> =
-        stand.model.uncertain_rates().into_iter().filter_map(size).collect();
+    let states: Vec<Driven> = stand.model.uncertain_rates().into_iter().filter_map(size).collect();
     if states.is_empty() {
         return Err("no measured state has a rate that noise could drive".into());
     }
-    stand.model.driven_by(&states).map_err(|errors| first(&errors))
+    Ok(states)
 }
 
 /// Records that were cut into stretches, whole again: a filter forgets what it does not measure.
@@ -148,24 +206,25 @@ fn whole(segments: &[Segment]) -> Vec<Segment> {
 }
 
 fn judged(
-    model: &Model,
-    segments: &[Segment],
+    (model, by): (&Model, &[Driven]),
+    flown: (&[Segment], &[String]),
     estimation: &Estimation,
     left: &[Left],
     (stand, thresholds): (&Stand, &Thresholds),
 ) -> Turbulence {
-    let density = |state: &crate::model::State| {
-        state.noise?;
-        let name = density_of(&state.quantity.name);
-        let row = estimation.rows.iter().find(|row| row.name == name)?;
+    let row = |name: String| estimation.rows.iter().find(|row| row.name == name);
+    let density = |driven: &Driven| {
+        let state = model.states[driven.state].quantity.name.clone();
+        let (found, lasts) = (row(density_of(&state))?, row(lasting_of(&state)));
         Some(Density {
-            state: state.quantity.name.clone(),
-            unit: row.unit.clone(),
-            value: row.value,
-            sd: row.sd,
+            unit: found.unit.clone(),
+            value: found.value,
+            sd: found.sd,
+            lasts: lasts.map(|row| (row.value, row.sd)),
+            state,
         })
     };
-    let densities: Vec<Density> = model.states.iter().filter_map(density).collect();
+    let densities: Vec<Density> = by.iter().filter_map(density).collect();
     let traces: Vec<Trace> = estimation.responses.iter().flatten().cloned().collect();
     let innovations = of_traces(&traces, stand.method.colour());
     let mut outputs = Vec::new();
@@ -174,7 +233,7 @@ fn judged(
         objections.push(format!("its estimate ended with \"{}\"", estimation.stop));
     }
     // What goes with an input tells most.
-    let with_input = with_inputs(model, segments, estimation, thresholds);
+    let with_input = with_inputs(model, flown, estimation, thresholds);
     objections.extend(with_input.clone());
     for before in left {
         let Some(after) = innovations.iter().find(|l| l.output == before.output) else { continue };
@@ -228,7 +287,7 @@ fn noise(estimation: &Estimation, output: &str) -> f64 {
 /// The output and input whose correlation is furthest above chance, where it is above what counts.
 fn with_inputs(
     model: &Model,
-    segments: &[Segment],
+    (segments, noisy): (&[Segment], &[String]),
     estimation: &Estimation,
     thresholds: &Thresholds,
 ) -> Option<String> {
@@ -250,7 +309,8 @@ fn with_inputs(
             names.iter().flat_map(|name| thresholds.lags.iter().map(move |l| (name, l)))
         {
             for shape in &shapes {
-                let pairs = pairs(&flown, name, (i, nu, lag * time), shape);
+                let beside = noisy.contains(&input.name);
+                let pairs = pairs(&flown, name, (i, nu, lag * time), (shape, beside));
                 let Some((r, n)) = correlation(&pairs) else { continue };
                 // A series that is not random, and white noise: the variance of their correlation is 1/n.
                 let white = quantile / n.sqrt();
@@ -294,24 +354,30 @@ fn about_mean(record: &Record, i: usize, nu: usize) -> (Vec<f64>, f64) {
     (all, mean)
 }
 
+/// Samples of a record from one whose noise is not its own: the curve between two samples is made of four.
+const BESIDE: f64 = 2.0;
+
 /// In each maneuver, a shape of input `i` of `nu`, so many seconds before, about the input's mean, and an
-/// output's innovation.
+/// output's innovation; of the mean of both neighbours where the input's own noise is to be `beside`.
 type Pairs = Vec<Vec<[f64; 2]>>;
 
 fn pairs(
     flown: &[Flown],
     name: &str,
     (i, nu, lag): (usize, usize, f64),
-    shape: &dyn Fn(f64) -> f64,
+    (shape, beside): (&dyn Fn(f64) -> f64, bool),
 ) -> Pairs {
     let of = |(segment, traces): &Flown| {
         let record = &segment.record;
         let (all, mean) = about_mean(record, i, nu);
+        let spacing = record.spacings.get(i).filter(|s| s.is_finite()).map_or(record.dt, |s| *s);
+        let far = if beside { (BESIDE * spacing / record.dt).ceil() as usize } else { 0 };
+        let at = |k: usize| Some(0.5 * (all.get(k.checked_sub(far)?)? + all.get(k + far)?));
         let mut pairs = Vec::new();
         for trace in traces.iter().filter(|t| t.name == name) {
             for ((t, z), y) in trace.t.iter().zip(&trace.measured).zip(&trace.modelled) {
                 let (k, e) = (((t - lag - record.t0) / record.dt).round(), z - y);
-                let x = if k >= 0.0 { all.get(k as usize) } else { None };
+                let x = if k >= 0.0 { at(k as usize) } else { None };
                 let x = x.map(|x| shape(x - mean)).filter(|x| x.is_finite() && e.is_finite());
                 pairs.extend(x.map(|x| [x, e]));
             }

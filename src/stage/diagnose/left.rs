@@ -47,12 +47,17 @@ pub fn unexplained(outcome: &Outcome) -> Result<Table> {
 pub fn turbulence(outcome: &Outcome) -> Result<Table> {
     let found = outcome.diagnosis.turbulence.as_ref();
     let all: Vec<_> = found.iter().flat_map(|t| &t.densities).collect();
+    let lasts = |of: &dyn Fn((f64, Option<f64>)) -> f64| -> Vec<f64> {
+        all.iter().map(|d| d.lasts.map_or(f64::NAN, of)).collect()
+    };
     Table::build("turbulence")
         .repeat("diagnosis", &outcome.config.name())
         .strings("state", all.iter().map(|d| &d.state))
         .strings("unit", all.iter().map(|d| &d.unit))
         .f64("density", all.iter().map(|d| d.value).collect::<Vec<_>>())
         .f64("sd", all.iter().map(|d| d.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("lasts", lasts(&|(time, _)| time))
+        .f64("lasts_sd", lasts(&|(_, sd)| sd.unwrap_or(f64::NAN)))
         .repeat("accounts", found.is_some_and(|t| t.objection.is_none()).to_string().as_str())
         .finish()
 }
@@ -66,7 +71,12 @@ fn densities(found: &Turbulence) -> String {
     let all = found.densities.iter().filter(|d| d.value > 0.0);
     let one = |d: &crate::diagnose::Density| {
         let sd = d.sd.map(|sd| format!(" +- {}", digits(INTERVAL_95 * sd))).unwrap_or_default();
-        format!("{}{sd} {} in the rate of {}", digits(d.value), d.unit, d.state)
+        let lasts = d.lasts.map(|(time, sd)| {
+            let sd = sd.map(|sd| format!(" +- {}", digits(INTERVAL_95 * sd))).unwrap_or_default();
+            format!(", which lasts {}{sd} s", digits(time))
+        });
+        let lasts = lasts.unwrap_or_default();
+        format!("{}{sd} {} in the rate of {}{lasts}", digits(d.value), d.unit, d.state)
     };
     all.map(one).collect::<Vec<_>>().join(", ")
 }
@@ -138,20 +148,21 @@ fn lacks(d: &Diagnosis) -> String {
     }
 }
 
-/// The outputs of which more than noise is left, most first.
+/// The outputs of which more than noise is left, most first, and why turbulence does not account for what is
+/// left where it was asked.
 pub fn outputs(d: &Diagnosis) -> String {
     let mut poor: Vec<&Left> = d.left.iter().filter(|l| l.adequacy.is_poor()).collect();
     poor.sort_by(|a, b| b.adequacy.share().total_cmp(&a.adequacy.share()));
     let one = |l: &&Left| format!("{} of {}", percent(l.adequacy.share()), l.output);
     let all: Vec<String> = poor.iter().map(one).collect();
-    if all.is_empty() {
-        return String::new();
-    }
-    let foretold = poor.iter().map(|l| l.foretold).fold(0.0, f64::max);
     let refused = d.turbulence.as_ref().and_then(|t| t.objection.as_ref());
-    let refused = refused
-        .map(|why| format!("; turbulence in the model does not account for it: {why}"))
-        .unwrap_or_default();
+    let refused =
+        refused.map(|why| format!("turbulence in the model does not account for it: {why}"));
+    if all.is_empty() {
+        return refused.unwrap_or_default();
+    }
+    let refused = refused.map(|why| format!("; {why}")).unwrap_or_default();
+    let foretold = poor.iter().map(|l| l.foretold).fold(0.0, f64::max);
     format!(
         "beyond its sensor's noise the model leaves, of the measured variation, {} (its own past foretells up to {} of that: it is no white noise){refused}",
         all.join(", "),

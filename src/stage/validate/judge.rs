@@ -227,7 +227,12 @@ impl Agreement {
     /// asked: a gust is no error of the model, and the interval knows how much it may do.
     pub fn verdict(&self, within: f64, theil: f64) -> String {
         let mut short = Vec::new();
-        let limit = if self.noise_theil > 0.0 { theil.hypot(self.noise_theil) } else { theil };
+        // The noise's size is known to `1.6/sqrt(n)` of it, and that of the errors to `1/sqrt(2 n)`.
+        let chance = 1.0 + 3.0 * f64::hypot(1.6, 0.5f64.sqrt()) / self.independent.sqrt();
+        let limit = match self.noise_theil > 0.0 {
+            true => theil.hypot(chance * self.noise_theil),
+            false => theil,
+        };
         if self.driven_sd.is_nan() && !(self.theil.coefficient <= limit) {
             short.push(format!("Theil {:.3} above {theil}", self.theil.coefficient));
         }
@@ -293,6 +298,20 @@ mod tests {
         let near = output(|_| 0.01, 0.01, 0.0).agreement().expect("samples");
         assert_eq!(near.verdict(0.95, 0.1), "good");
         assert!((near.theil.bias - 1.0).abs() < 1e-9 && near.theil.covariance.abs() < 1e-9);
+    }
+
+    /// A motion that is small beside the sensor's noise: Theil's coefficient is near one, and says nothing.
+    #[test]
+    fn noise_alone_is_no_error_of_the_model() {
+        for seed in 0..100 {
+            let mut noise = crate::simulate::Stream::new(seed, &["noise"]);
+            let mut output = output(|_| 0.0, 0.0, 0.0);
+            output.modelled.iter_mut().for_each(|y| *y *= 2e-3);
+            let measured = output.modelled.iter().map(|y| y + 0.05 * noise.normal());
+            output.measured = measured.collect();
+            let agreement = output.agreement().expect("samples");
+            assert_eq!(agreement.verdict(0.95, 0.1), "good", "{seed}: {agreement:?}");
+        }
     }
 
     #[test]

@@ -177,7 +177,7 @@ fn totals(rows: &[&Row]) -> String {
     let alone: Vec<&&Row> = rows.iter().filter(|r| r.hidden.is_empty()).collect();
     let false_alone = alone.iter().filter(|r| r.names.iter().any(|n| !n.1)).count();
     let much: Vec<&&Row> = rows.iter().filter(|r| r.size > 1.0).collect();
-    let says_nothing = [Verdict::NothingMissing, Verdict::ButRecords];
+    let says_nothing = [Verdict::NothingMissing, Verdict::ButRecords, Verdict::ButTurbulence];
     let silent = much.iter().filter(|r| says_nothing.contains(&r.verdict)).count();
     let large: Vec<&&Row> = rows.iter().filter(|r| r.hidden.len() == 1).collect();
     let found = large.iter().filter(|r| r.found[0]).count();
