@@ -150,7 +150,7 @@ fn recovery_turbulence_that_lasts_is_found_with_its_time() {
 fn recovery_what_is_missing_is_not_taken_for_turbulence_that_lasts() {
     for (truth, base) in [("M_d*de", "0.0*M_d*de"), ("M_d*de*(1 - 150*(de/rad)^2)", "M_d*de")] {
         for seed in 0..2 {
-            let d = judged(base, &flown_in(truth, 4.0, 0.2, seed), &Settings::default());
+            let d = judged(base, &flown_in(truth, 1.0, 0.2, seed), &Settings::default());
             assert_eq!(d.verdict, Verdict::Located, "{base} {seed}: {}", told(&d));
         }
     }

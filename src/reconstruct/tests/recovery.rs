@@ -221,7 +221,7 @@ fn recovery_lever_arms_where_angular_acceleration_excites_them_and_not_elsewhere
 /// path all the same.
 #[test]
 fn coverage_of_a_path_with_an_error_that_the_data_do_not_tell() {
-    let scene = Scene { vane: [1.0, 0.003, 0.0], duration: 6.0, ..CALM };
+    let scene = Scene { vane: [1.0, 0.002, 0.0], duration: 2.5, ..CALM };
     let heights = heights(&scene);
     let settings = Settings { candidates: vec!["b_alpha".to_string()], ..settings() };
     let (mut squares, mut held) = (0.0, 0);
@@ -231,7 +231,7 @@ fn coverage_of_a_path_with_an_error_that_the_data_do_not_tell() {
         if path.biases.iter().any(|b| b.parameter == "b_alpha") {
             continue;
         }
-        let z = normed(&flown, &heights, &path, |t| (t - 3.0).abs() < 0.01)[2][0];
+        let z = normed(&flown, &heights, &path, |t| (t - 1.25).abs() < 0.01)[2][0];
         println!("{seed}: {z:.2}");
         (squares, held) = (squares + z * z, held + 1);
     }
@@ -248,22 +248,10 @@ fn an_airspeed_in_another_unit_is_told_whatever_the_wind_says() {
     for (scale, verdict) in [(1.0, "good"), (1.03, "scaled"), (0.5144, "scaled")] {
         let mut flown = record(61, scene, &heights);
         flown.signals["V"].1.iter_mut().for_each(|v| *v *= scale);
-        for model in ["kinematics_wind", "kinematics"] {
-            let air = ["ground_speed", "track"].map(|name| flown.signals.get(name).cloned());
-            if model == "kinematics" {
-                ["ground_speed", "track"].iter().for_each(|name| {
-                    flown.signals.shift_remove(*name);
-                });
-            }
-            let path = path_by(&flown, &embedded(model), &settings);
-            let row = path.checks.iter().find(|r| r.channel == "V" && r.check == "level");
-            let row = row.unwrap_or_else(|| panic!("{model} {scale}: {:?}", path.checks));
-            assert_eq!(row.verdict, verdict, "{model} {scale}: {row:?}");
-            let names = ["ground_speed", "track"].into_iter().zip(air);
-            names.for_each(|(name, signal)| {
-                flown.signals.extend(signal.map(|signal| (name.to_string(), signal)));
-            });
-        }
+        let path = path_by(&flown, &embedded("kinematics_wind"), &settings);
+        let row = path.checks.iter().find(|r| r.channel == "V" && r.check == "level");
+        let row = row.unwrap_or_else(|| panic!("{scale}: {:?}", path.notes));
+        assert_eq!(row.verdict, verdict, "{scale}: {row:?}");
     }
 }
 
