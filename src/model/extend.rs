@@ -30,9 +30,9 @@ pub fn output_delay(output: &str) -> String {
     format!("tau_{output}")
 }
 
-/// Name of the scale of an output.
+/// Name of the scale of an output: none that a model's file may have.
 pub fn output_scale(output: &str) -> String {
-    format!("scale_{output}")
+    format!("scale of {output}")
 }
 
 /// Name of the input that carries what was measured of an output.
@@ -128,7 +128,7 @@ impl Model {
     }
 
     /// With a new parameter, which comes along: how many times too much the sensor of an output reads,
-    /// `z = scale_y y`. It starts at one.
+    /// `z = k y`. It starts at one.
     ///
     /// # Errors
     /// A name that the model does not have, or whose scale has the name of something else.

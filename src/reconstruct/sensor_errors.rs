@@ -30,9 +30,8 @@ pub fn estimated(
         );
         let known = sd < UNKNOWN * levels.start_sd[nx + k];
         let Quantity { name, unit, .. } = &parameter.quantity;
-        let at_least = value - value.signum() * (3.0 * sd).min(value.abs());
         if let Some(sensor) = sensor(kinematics, name) {
-            rows.extend(verdicts::bias_row(&sensor, unit, (value, at_least)));
+            rows.extend(verdicts::bias_row(&sensor, unit, (value, sd)));
         }
         rows.extend(verdicts::error_row(name, parameter.start, unit, (value, sd)));
         let verdict = match (known, (value - parameter.start).abs() > SIGNIFICANT * sd) {

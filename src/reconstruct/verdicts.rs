@@ -171,13 +171,13 @@ pub fn error_row(name: &str, start: f64, unit: &str, (value, sd): (f64, f64)) ->
 const BIASES: [(&str, f64); 2] = [("m/s^2", 2.0), ("rad/s", 0.1)];
 
 /// The line of a sensor whose bias, as it was found, no such sensor has: what it measures in another unit,
-/// about another axis or with another sign is taken up by that. `sure`: what it is beyond chance.
-pub fn bias_row(channel: &str, unit: &str, (value, sure): (f64, f64)) -> Option<Row> {
+/// about another axis or with another sign is taken up by that. Beyond chance by its standard deviation.
+pub fn bias_row(channel: &str, unit: &str, (value, sd): (f64, f64)) -> Option<Row> {
     let (_, most) = BIASES.into_iter().find(|(of, _)| *of == unit)?;
     let text = format!(
         "a bias of {value:.3} {unit}, where such a sensor has {most} at most: another unit, axis or sign?"
     );
-    (sure.abs() > most).then(|| Row {
+    (value.abs() - 3.0 * sd > most).then(|| Row {
         channel: channel.to_string(),
         check: "bias",
         value,
@@ -463,9 +463,8 @@ mod tests {
 
     #[test]
     fn a_bias_that_no_sensor_has_is_implausible() {
-        let of = |unit: &str, value: f64| {
-            bias_row("az_imu", unit, (value, value)).map(|row| row.verdict)
-        };
+        let of =
+            |unit: &str, value: f64| bias_row("az_imu", unit, (value, 1e-3)).map(|row| row.verdict);
         assert_eq!(of("m/s^2", 9.037), Some("implausible"));
         assert_eq!(of("m/s^2", -10.8), Some("implausible"));
         assert_eq!(of("rad/s", 0.2), Some("implausible"));

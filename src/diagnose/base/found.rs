@@ -1,7 +1,7 @@
 //! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out
 //! maneuvers with its derivatives, out.
 
-use super::frozen::{Frozen, frozen};
+use super::frozen::{Frozen, frozen, theta_at};
 use super::stand::{Known, Stand, estimation, fitted, placed, seen, settle_steps};
 use super::training::{Task, Trained};
 use crate::diagnose::residual::absorbed::Fitted;
@@ -34,10 +34,7 @@ pub struct Found {
 impl Found {
     /// The parameters as segment place `s` has them.
     pub fn theta(&self, s: usize) -> Vec<f64> {
-        let place = self.places.held_out.iter().position(|&h| h == s);
-        place
-            .and_then(|p| self.frozen[p].as_ref())
-            .map_or_else(|| self.fit.theta.clone(), |f| f.theta.clone())
+        theta_at(&self.places, &self.frozen, &self.fit.theta, s)
     }
 
     /// What the fit to the training maneuvers found.

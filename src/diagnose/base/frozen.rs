@@ -19,6 +19,13 @@ pub struct Frozen {
     pub blocks: Vec<Block>,
 }
 
+/// The parameters as segment place `s` has them: those of the training, unless it is held out.
+pub fn theta_at(places: &Places, frozen: &[Option<Frozen>], trained: &[f64], s: usize) -> Vec<f64> {
+    let place = places.held_out.iter().position(|&h| h == s);
+    let own = place.and_then(|p| frozen[p].as_ref());
+    own.map_or_else(|| trained.to_vec(), |f| f.theta.clone())
+}
+
 /// The held-out maneuvers at frozen derivatives; what the training has never seen (a flight's zero
 /// shifts) moves, unless an effect brought it: that stays at its null, because nothing of an effect
 /// is fitted to a maneuver that is held out.

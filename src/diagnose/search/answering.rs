@@ -1,7 +1,7 @@
 //! A fit in; what its outputs still answer to, beyond what noise of the inputs makes of it, out.
 
 use crate::diagnose::base::found::Found;
-use crate::diagnose::base::frozen::{Frozen, frozen};
+use crate::diagnose::base::frozen::{frozen, theta_at};
 use crate::diagnose::base::stand::Stand;
 use crate::diagnose::base::training::Task;
 use crate::diagnose::residual::evaluation::Evaluation;
@@ -39,11 +39,7 @@ fn stepped(case: Case, stand: &Stand, found: &Found, settings: &Settings) -> Opt
     let theta = task.stepped(&at)?;
     drop(at);
     let held_out = frozen(&case, noise, places, &theta, (&stand.nulls, thresholds));
-    let of = |s: usize| {
-        let place = places.held_out.iter().position(|&h| h == s);
-        let own = place.and_then(|p| held_out[p].as_ref());
-        own.map_or_else(|| theta.clone(), |f: &Frozen| f.theta.clone())
-    };
+    let of = |s: usize| theta_at(places, &held_out, &theta, s);
     let theta = (0..case.records.len()).map(of).collect();
     Some(At { case, theta })
 }
