@@ -16,6 +16,7 @@ use super::rank::Verdict;
 use super::reached::Reached;
 use super::regression;
 use super::segment::Label;
+use super::skewed::Skewed;
 use super::solution::NoisyStarts;
 use super::terms::Step;
 use super::trace::Trace;
@@ -169,6 +170,8 @@ pub struct Estimation {
     pub chords: Option<Chords>,
     /// What the noise of measured inputs moves, and what it alone determines.
     pub noisy_inputs: Option<NoisyInputs>,
+    /// Records that look late against the others.
+    pub skewed: Option<Skewed>,
     /// What noise of the samples that states start at adds to the standard deviations.
     pub noisy_starts: Option<NoisyStarts>,
     /// Delayed inputs that run along straight lines.

@@ -23,7 +23,6 @@ use super::{By, Settings, Stop};
 use crate::error::Errors;
 use crate::least_squares::{Block, Evaluate, Layout};
 use crate::model::{Assumed, Model};
-use std::iter::repeat_n;
 
 /// The influences of the constants that columns of the records were made with; empty unless the estimation
 /// converged. `used`: the segments of the case among `all`.
@@ -75,7 +74,7 @@ pub fn influences(
                 })
                 .collect();
             let wide = Wide { layout: &case.layout, base: &base, moved: &moved, by: &by };
-            slopes(&values, (&wide.widened(), &wide), case, solution)
+            slopes(&values, (&wide.layout.widened(by.len()), &wide), case, solution)
         }
         By::EquationError => {
             let (base, _) = Problem::new(case, settings)?;
@@ -85,7 +84,7 @@ pub fn influences(
                 .map(|case| Ok(Problem::new(case, settings)?.0))
                 .collect::<Result<_, Errors>>()?;
             let wide = Wide { layout: &layout, base: &base, moved: &moved, by: &by };
-            slopes(&values, (&wide.widened(), &wide), case, solution)
+            slopes(&values, (&wide.layout.widened(by.len()), &wide), case, solution)
         }
     };
     Ok(found.unwrap_or_default())
@@ -97,27 +96,6 @@ struct Wide<'a, B, M> {
     base: &'a B,
     moved: &'a [M],
     by: &'a [f64],
-}
-
-impl<B: Evaluate, M: Evaluate> Wide<'_, B, M> {
-    /// The layout with the constants as the last shared parameters.
-    fn widened(&self) -> Layout {
-        let (nc, k) = (self.layout.shared, self.by.len());
-        let mut wide = self.layout.clone();
-        wide.shared += k;
-        let insert = |of: &mut Vec<f64>, value: f64| drop(of.splice(nc..nc, repeat_n(value, k)));
-        insert(&mut wide.start, 0.0);
-        insert(&mut wide.lower, f64::NEG_INFINITY);
-        insert(&mut wide.upper, f64::INFINITY);
-        insert(&mut wide.centre, 0.0);
-        insert(&mut wide.prior_sd, f64::INFINITY);
-        for part in &mut wide.parts {
-            part.shared.extend(nc..nc + k);
-            part.offset += k;
-        }
-        wide.squares.iter_mut().filter(|i| **i >= nc).for_each(|i| *i += k);
-        wide
-    }
 }
 
 impl<B: Evaluate, M: Evaluate> Evaluate for Wide<'_, B, M> {

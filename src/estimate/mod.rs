@@ -50,6 +50,7 @@
 //! | `chords` | what the estimates owe to straight lines between the points of the grid |
 //! | `noisy_inputs` | what the noise of measured inputs moves, and what it alone determines |
 //! | `ramps` | what the estimates owe to the curve that a delay reads of its input |
+//! | `skewed` | records that look late against the others |
 //! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
@@ -100,6 +101,7 @@ mod selection;
 mod settings;
 mod sides;
 mod sizes;
+mod skewed;
 mod solution;
 mod start;
 mod terms;
@@ -140,6 +142,7 @@ pub use segment::{Grouping, Label, Made, SEGMENT, Segment, Stretch};
 pub use settings::{
     By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
 };
+pub use skewed::{Late, Skewed};
 pub use solution::NoisyStarts;
 pub use terms::Step;
 pub use trace::{Filtered, Trace};

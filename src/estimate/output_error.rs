@@ -192,6 +192,7 @@ fn told(
             edges: case.edges(solution, settings),
             chords: case.chords(solution, settings),
             noisy_inputs: case.noisy_inputs(solution, settings),
+            skewed: case.skewed(solution, settings),
             ramps: case.ramps(solution, settings),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.

@@ -4,7 +4,7 @@
 use super::Trace;
 use super::case::{Case, PASSES};
 use super::trace::Filtered;
-use crate::dynamics::{Channel, Directions, Filter, Innovation, Propagator, Tier};
+use crate::dynamics::{Channel, Directions, Filter, Innovation, Propagator, Record, Tier};
 use crate::least_squares::Block;
 
 impl Case {
@@ -47,6 +47,21 @@ impl Case {
         Some(blocks)
     }
 
+    /// The same of another record of segment `s`, of a case without process noise.
+    pub(super) fn evaluate_as(
+        &self,
+        record: &Record,
+        s: usize,
+        local: &[f64],
+        sensitivities: bool,
+    ) -> Option<Vec<Block>> {
+        let (parameters, starts) = self.place(s, local);
+        let of = (&parameters[..], &starts[..]);
+        let mut blocks = self.from(&self.propagator, record, of, sensitivities)?;
+        blocks.iter_mut().for_each(|b| b.g = self.with_slopes(s, std::mem::take(&mut b.g)));
+        Some(blocks)
+    }
+
     /// Residuals per channel, with sensitivities to the propagator's directions.
     fn residuals(
         &self,
@@ -56,7 +71,7 @@ impl Case {
         sensitivities: bool,
     ) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        self.from(propagator, s, (&parameters, &starts), sensitivities)
+        self.from(propagator, &self.records[s], (&parameters, &starts), sensitivities)
     }
 
     /// Residuals where a start value from outside (by its place) is so much larger.
@@ -68,22 +83,22 @@ impl Case {
     ) -> Option<Vec<Block>> {
         let (parameters, mut starts) = self.place(s, local);
         starts[place] += by;
-        self.from(&self.propagator, s, (&parameters, &starts), false)
+        self.from(&self.propagator, &self.records[s], (&parameters, &starts), false)
     }
 
     fn from(
         &self,
         propagator: &Propagator,
-        s: usize,
+        record: &Record,
         (parameters, starts): (&[f64], &[f64]),
         sensitivities: bool,
     ) -> Option<Vec<Block>> {
-        let response = propagator.respond(parameters, starts, &self.records[s], sensitivities);
+        let response = propagator.respond(parameters, starts, record, sensitivities);
         if !response.finite {
             return None;
         }
         let mut sensitivities = response.dy.into_iter();
-        let channels = self.records[s].channels.iter().zip(response.y);
+        let channels = record.channels.iter().zip(response.y);
         let block = |(channel, mut e): (&Channel, Vec<f64>)| {
             let output = self.outputs.iter().position(|&o| o == channel.output)?;
             // what was predicted becomes the residual

@@ -15,6 +15,7 @@ use super::reached::Reached;
 use super::regression::Regression;
 use super::regressors::Problem;
 use super::sides::Side;
+use super::skewed::Skewed;
 use super::solution::Solution;
 use super::{Correlation, Estimation, OutputScatter, Row, Settings, Trace};
 use crate::error::Result;
@@ -40,6 +41,7 @@ pub struct Told {
     pub edges: Option<Edges>,
     pub chords: Option<Chords>,
     pub noisy_inputs: Option<NoisyInputs>,
+    pub skewed: Option<Skewed>,
     pub ramps: Option<Ramps>,
 }
 
@@ -127,6 +129,7 @@ pub fn name(
         edges: told.edges,
         chords: told.chords,
         noisy_inputs: told.noisy_inputs,
+        skewed: told.skewed,
         ramps: told.ramps,
         delaying: Vec::new(),
         elsewhere: None,

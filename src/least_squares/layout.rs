@@ -2,6 +2,7 @@
 //! begins, and bounds and priors.
 
 use super::covariance::Structure;
+use std::iter::repeat_n;
 
 /// Parameters of one segment: which shared ones it sees, and how many are its own.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,6 +98,26 @@ impl Layout {
                 known: false,
             },
         }
+    }
+
+    /// With so many further parameters behind those that segments share, which all of them see; they start at
+    /// none, without a prior or bounds.
+    pub fn widened(&self, further: usize) -> Layout {
+        let (nc, k) = (self.shared, further);
+        let mut wide = self.clone();
+        wide.shared += k;
+        let insert = |of: &mut Vec<f64>, value: f64| drop(of.splice(nc..nc, repeat_n(value, k)));
+        insert(&mut wide.start, 0.0);
+        insert(&mut wide.lower, f64::NEG_INFINITY);
+        insert(&mut wide.upper, f64::INFINITY);
+        insert(&mut wide.centre, 0.0);
+        insert(&mut wide.prior_sd, f64::INFINITY);
+        for part in &mut wide.parts {
+            part.shared.extend(nc..nc + k);
+            part.offset += k;
+        }
+        wide.squares.iter_mut().filter(|i| **i >= nc).for_each(|i| *i += k);
+        wide
     }
 
     /// Information of the prior of parameter `i`: `1/sd^2`, 0 without one.

@@ -47,7 +47,7 @@ pub use gauss::minimise;
 pub use iteration::{Iteration, Stop};
 pub use layout::{Layout, Part};
 pub use method::{Method, StepControl, Undetermined};
-pub use point::{cost, normal_matrix, stepped};
+pub use point::{cost, normal_equations, normal_matrix, stepped};
 pub use problem::{Evaluate, SegmentSums, Wanted, each, segment_sums};
 #[cfg(test)]
 pub use problem::{pass, scatter, weighed};

@@ -142,7 +142,17 @@ pub fn normal_matrix<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) 
     Point::at(layout, evaluate, theta.to_vec()).map(|point| point.matrix)
 }
 
-/// The same with the whole Gauss-Newton step from there.
+/// The same with the gradient (downhill).
+pub fn normal_equations<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    theta: &[f64],
+) -> Option<(Arrow, Vec<f64>)> {
+    let Point { matrix, gradient, .. } = Point::at(layout, evaluate, theta.to_vec())?;
+    Some((matrix, gradient))
+}
+
+/// The normal matrix with the whole Gauss-Newton step from there.
 pub fn stepped<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,

@@ -23,7 +23,7 @@ const SCALE: f64 = 0.5;
 /// Runs that are linearised about the one before.
 const PASSES: usize = 2;
 
-/// The line of the airspeed's level; none where it is not measured, or nothing else tells it.
+/// The line of the airspeed's level; none where it is not measured.
 ///
 /// # Errors
 /// The name of the scale is taken.
@@ -52,8 +52,6 @@ pub fn level(
     let found = smoother.parameters(about.as_ref(), &with, part, &x);
     let size = found.p.len() / scaled.size();
     let sd = |found: &[f64]| found[place * size + place].max(0.0).sqrt();
-    Ok(found
-        .finite
-        .then(|| verdicts::level_row(AIRSPEED, [found.x[place], sd(&found.p)]))
-        .flatten())
+    let told = if found.finite { [found.x[place], sd(&found.p)] } else { [f64::NAN; 2] };
+    Ok(Some(verdicts::level_row(AIRSPEED, told)))
 }

@@ -124,8 +124,11 @@ fn equivalent(k: f64) -> String {
 const LEVEL: f64 = 0.02;
 
 /// The line of a channel's level against what all others say of it, `k` times too much with its standard
-/// deviation; none where they do not tell.
-pub fn level_row(channel: &str, [k, sd]: [f64; 2]) -> Option<Row> {
+/// deviation; not finite where they cannot be asked.
+pub fn level_row(channel: &str, [k, sd]: [f64; 2]) -> Row {
+    if !(sd < LEVEL / 2.0) {
+        return level_unknown(channel, [k, sd]);
+    }
     let limit = LEVEL.max(4.0 * sd);
     let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
     let why = match verdict {
@@ -139,10 +142,23 @@ pub fn level_row(channel: &str, [k, sd]: [f64; 2]) -> Option<Row> {
         INTERVAL_95 * sd,
         if verdict == "scaled" { equivalent(k) } else { String::new() }
     );
-    (sd < LEVEL / 2.0).then(|| {
-        let row = Row::of(channel, "level", k, "-", (verdict, text));
-        Row { low: 1.0 - limit, high: 1.0 + limit, ..row }
-    })
+    let row = Row::of(channel, "level", k, "-", (verdict, text));
+    Row { low: 1.0 - limit, high: 1.0 + limit, ..row }
+}
+
+/// The line of a level that the others do not tell.
+fn level_unknown(channel: &str, [k, sd]: [f64; 2]) -> Row {
+    let why = match k.is_finite() && sd.is_finite() {
+        true => format!(
+            "the other sensors tell its level to +- {:.2} (95%) only: ground speed in turns would",
+            INTERVAL_95 * sd
+        ),
+        false => "its level could not be asked for: the filter with its scale free does not end"
+            .to_string(),
+    };
+    let text =
+        format!("{why}; an error in it is taken up by the wind and by biases of accelerometers");
+    Row::of(channel, "level", k, "-", ("not compared", text))
 }
 
 /// Scales that a sensor may have.
@@ -443,10 +459,10 @@ mod tests {
 
     #[test]
     fn an_airspeed_in_knots_is_told_and_one_that_nobody_knows_is_not() {
-        let of = |k: f64, sd: f64| level_row("V", [k, sd]).map(|row| row.verdict);
-        assert_eq!((of(0.514, 1e-3), of(1.03, 2e-4)), (Some("scaled"), Some("scaled")));
-        assert_eq!((of(1.01, 2e-4), of(1.03, 8e-3)), (Some("good"), Some("good")));
-        assert_eq!(of(0.5, 0.1), None);
+        let of = |k: f64, sd: f64| level_row("V", [k, sd]).verdict;
+        assert_eq!((of(0.514, 1e-3), of(1.03, 2e-4)), ("scaled", "scaled"));
+        assert_eq!((of(1.01, 2e-4), of(1.03, 8e-3)), ("good", "good"));
+        assert_eq!((of(0.5, 0.1), of(f64::NAN, f64::NAN)), ("not compared", "not compared"));
     }
 
     #[test]

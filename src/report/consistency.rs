@@ -210,7 +210,12 @@ fn needs_noise(table: &Columns) -> Vec<String> {
 /// The sentences about channels that do not fit with the others. Where some have a fault that is certain
 /// (one of `odd` may), they stand first, and of others of their flights it is said that they may follow.
 fn contradicted(bad: &[String], odd: &[String]) -> String {
-    let certain = |name: &&String| CERTAIN.iter().any(|v| name.ends_with(&format!("({v})")));
+    let channel = |name: &str| name.split(' ').nth(1).unwrap_or_default().to_string();
+    let is_certain = |name: &&String| CERTAIN.iter().any(|v| name.ends_with(&format!("({v})")));
+    // The sensors of all flights are the same.
+    let channels: Vec<String> =
+        bad.iter().chain(odd).filter(is_certain).map(|name| channel(name)).collect();
+    let certain = |name: &&String| is_certain(name) || channels.contains(&channel(name));
     let flight = |name: &str| name.split(' ').next().unwrap_or_default().to_string();
     let flights: Vec<String> =
         bad.iter().chain(odd).filter(certain).map(|name| flight(name)).collect();

@@ -18,6 +18,7 @@ mod noisy_inputs;
 mod noisy_starts;
 mod points;
 mod shifts;
+mod skewed;
 mod starts;
 
 use super::{Settings, neighbours::Known, solution::Solution, solution::solve};

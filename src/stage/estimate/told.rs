@@ -57,6 +57,7 @@ pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Not
     notes.extend(edges_note(config, batch, estimation));
     notes.extend(chords_note(config, batch, estimation));
     notes.extend(noisy_notes(config, batch, estimation));
+    notes.extend(skewed_note(config, batch, estimation));
     notes.extend(starts_note(config, batch, estimation));
     notes.extend(ramps_note(config, batch, estimation));
     notes.extend(moved_note(config, batch, estimation));
@@ -288,6 +289,23 @@ fn noisy_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<N
         ));
     }
     notes
+}
+
+/// Records that look late against the others.
+fn skewed_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let skewed = estimation.skewed.as_ref()?;
+    let each = |late: &estimate::Late| {
+        let side = if late.by > 0.0 { "late" } else { "early" };
+        format!("{} {:.4} +- {:.4} s {side}", late.record, late.by.abs(), late.sd)
+    };
+    let records: Vec<String> = skewed.records.iter().map(each).collect();
+    let text = format!(
+        "{}: records look shifted in time against the others: {}. Put right, that would move {}: if it is the record, say `delay` of the signal in the channels file; if a lag lies between what is recorded and what acts, give the model one (`koehler diagnose` tells which fits)",
+        batch.group,
+        records.join(", "),
+        moved(&skewed.moved)
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), records.len(), text))
 }
 
 /// Standard deviations that noise of the samples which states start at makes larger.
