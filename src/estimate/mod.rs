@@ -128,7 +128,7 @@ pub use extend::{extended, not_filtered};
 pub use idle::Idle;
 pub use influential::Influential;
 pub use modes::{Mode, Uncertain};
-pub use noisy_inputs::{Noise, NoisyInputs};
+pub use noisy_inputs::NoisyInputs;
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use plateaus::Piece;
 pub use prepared::Prepared;

@@ -41,7 +41,7 @@ const SEEN: f64 = 0.6025;
 const LEAST: f64 = 1e-9;
 
 /// Noise of inputs.
-pub struct Noise {
+struct Noise {
     /// Standard deviation by input, SI, the largest of any segment; 0 of one without.
     sds: Vec<f64>,
     /// By segment, `[point][input]`.
@@ -69,11 +69,8 @@ impl Case {
         if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
             return None;
         }
-        let noise = self.noise_of_inputs(0)?;
-        let (more, less) = (
-            self.with(&noise, 1.0).normal_step(solution, settings)?,
-            self.with(&noise, -1.0).normal_step(solution, settings)?,
-        );
+        let mut steps = self.noisier(1).map(|case| case.normal_step(solution, settings));
+        let (more, less) = (steps.next()??, steps.next()??);
         let mut told = NoisyInputs::default();
         for (i, unknown) in self.unknowns.iter().enumerate() {
             let Some((sd, crlb)) = solution.deviation(i) else { continue };
@@ -88,12 +85,26 @@ impl Case {
             }
         }
         told.moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        told.inputs = self.noisy(&noise);
+        told.inputs = self.noisy();
         (!told.moved.is_empty() || !told.alone.is_empty()).then_some(told)
     }
 
+    /// The case with as much noise again in its inputs, in so many draws, each with both signs; none where they
+    /// have none.
+    pub fn noisier(&self, draws: u64) -> impl Iterator<Item = Case> {
+        let drawn = (0..draws).filter_map(|draw| self.noise_of_inputs(draw));
+        drawn.flat_map(|noise| [1.0, -1.0].map(|times| self.with(&noise, times)))
+    }
+
+    /// Names of the inputs that have noise, with its standard deviations, SI.
+    pub fn noisy(&self) -> Vec<(String, f64)> {
+        let Some(noise) = self.noise_of_inputs(0) else { return Vec::new() };
+        let named = self.model.inputs.iter().zip(&noise.sds).filter(|(_, sd)| **sd > 0.0);
+        named.map(|(input, sd)| (input.name.clone(), *sd)).collect()
+    }
+
     /// Noise like that of the inputs, drawn by a number; none where they have none.
-    pub fn noise_of_inputs(&self, draw: u64) -> Option<Noise> {
+    fn noise_of_inputs(&self, draw: u64) -> Option<Noise> {
         let nu = self.model.inputs.len();
         let mut sds = vec![0.0f64; nu];
         let mut drawn = Vec::with_capacity(self.records.len());
@@ -104,7 +115,7 @@ impl Case {
     }
 
     /// The case with so many times this noise in its inputs, in addition to what they have.
-    pub fn with(&self, noise: &Noise, times: f64) -> Case {
+    fn with(&self, noise: &Noise, times: f64) -> Case {
         let mut noisy = self.clone();
         for (record, noise) in noisy.records.iter_mut().zip(&noise.drawn) {
             let inputs = record.inputs.iter().zip(noise);
@@ -112,12 +123,6 @@ impl Case {
             record.inputs = inputs.into();
         }
         noisy
-    }
-
-    /// Names of the inputs that have noise, with its standard deviations.
-    pub fn noisy(&self, noise: &Noise) -> Vec<(String, f64)> {
-        let named = self.model.inputs.iter().zip(&noise.sds).filter(|(_, sd)| **sd > 0.0);
-        named.map(|(input, sd)| (input.name.clone(), *sd)).collect()
     }
 
     /// The normal matrix and the step from a solution.

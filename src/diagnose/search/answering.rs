@@ -25,10 +25,7 @@ pub fn answering(stand: &Stand, found: &Found, settings: &Settings) -> Vec<Locat
 
 /// The fit where inputs have as much noise again: one step from where it is.
 fn noisier(stand: &Stand, found: &Found, settings: &Settings) -> Vec<At> {
-    let case = found.case();
-    let drawn = (0..DRAWS).filter_map(|draw| case.noise_of_inputs(draw));
-    let both = drawn.flat_map(|noise| [1.0, -1.0].map(|times| case.with(&noise, times)));
-    both.filter_map(|case| stepped(case, stand, found, settings)).collect()
+    found.case().noisier(DRAWS).filter_map(|case| stepped(case, stand, found, settings)).collect()
 }
 
 fn stepped(case: Case, stand: &Stand, found: &Found, settings: &Settings) -> Option<At> {

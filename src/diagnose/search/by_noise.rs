@@ -25,7 +25,8 @@ pub fn by_noise(
     candidate: &Candidate,
     refit: &Refit,
 ) -> Result<Option<String>, Errors> {
-    if candidate.noise || ground.case.noise_of_inputs(0).is_none() {
+    let inputs = ground.case.noisy();
+    if candidate.noise || inputs.is_empty() {
         return Ok(None);
     }
     let at: Vec<f64> = refit.values.iter().map(|v| v.value).collect();
@@ -35,23 +36,17 @@ pub fn by_noise(
     };
     let free = seen(&case, &ground.places.training);
     let mut steps = vec![0.0; free.len()];
-    let mut inputs = Vec::new();
-    for draw in 0..DRAWS {
-        let Some(noise) = case.noise_of_inputs(draw) else { return Ok(None) };
-        inputs = case.noisy(&noise);
-        for times in [1.0, -1.0] {
-            let noisy = case.with(&noise, times);
-            let task = Task {
-                case: &noisy,
-                noise: ground.noise,
-                segments: &ground.places.training,
-                free: &free,
-                thresholds: ground.thresholds,
-            };
-            let Some(step) = task.shared_step(&theta) else { return Ok(None) };
-            let share = 0.5 / DRAWS as f64;
-            steps.iter_mut().zip(step).for_each(|(sum, step)| *sum += share * step);
-        }
+    for noisy in case.noisier(DRAWS) {
+        let task = Task {
+            case: &noisy,
+            noise: ground.noise,
+            segments: &ground.places.training,
+            free: &free,
+            thresholds: ground.thresholds,
+        };
+        let Some(step) = task.shared_step(&theta) else { return Ok(None) };
+        let share = 0.5 / DRAWS as f64;
+        steps.iter_mut().zip(step).for_each(|(sum, step)| *sum += share * step);
     }
     let mut most: Option<(f64, &str)> = None;
     for value in refit.values.iter().filter(|v| !v.held) {

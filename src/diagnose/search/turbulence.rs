@@ -75,7 +75,7 @@ pub fn turbulence(subject: &Subject, stand: &Stand, found: &Found, left: &[Left]
     };
     let whole = whole(subject.segments);
     let case = found.case();
-    let noisy = case.noise_of_inputs(0).map(|noise| case.noisy(&noise)).unwrap_or_default();
+    let noisy = case.noisy();
     let noisy: Vec<String> = noisy.into_iter().map(|(name, _)| name).collect();
     let tried =
         |by: &[Driven], starts| tried((subject, stand), (by, starts), (&whole, &noisy), left);

@@ -2,6 +2,7 @@
 //! model, with responses, go out.
 
 mod adequacy;
+mod apart;
 mod batch;
 pub mod chosen;
 mod config;
@@ -256,6 +257,7 @@ fn of_ready(
     for (batch, estimation) in batches.iter().zip(&estimations) {
         notes.extend(told::notes(config, batch, estimation));
         notes.extend(late::notes(config, inputs, (batch, estimation), &estimated)?);
+        notes.extend(apart::notes(config, (batch, estimation), &estimated)?);
         notes.extend(uneven::notes(config, batch, estimation));
     }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();

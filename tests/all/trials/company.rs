@@ -28,7 +28,7 @@ const DRIFT: Hidden = Hidden::new(
 );
 
 /// Names that are true of the company.
-const THERE: [&str; 15] = [
+const THERE: [&str; 16] = [
     "mass-error",
     "cg-shift",
     "alpha-square:C_m",
@@ -38,6 +38,7 @@ const THERE: [&str; 15] = [
     "configuration-increment:C_m",
     "speed-dependence:C_m",
     "static-longitudinal:C_m",
+    "static-changes-longitudinal:C_m",
     "surface-noise:de",
     "surface-noise:eta",
     "vertical-gust",
