@@ -60,7 +60,9 @@ const REMARKS: [&str; 8] = [
 const NOT_COMPARED: &str = "not compared";
 
 /// Verdicts that are a matter of degree: worth a look.
-const DEGREE: [&str; 6] = ["too large", "saturated", "outliers", "not used", "drifts", "opposed"];
+const DEGREE: [&str; 6] = ["too large", "saturated", "outliers", "not used", "drifts", OPPOSED];
+/// Of a channel that runs against what the others say of it, with little to tell its sign by.
+const OPPOSED: &str = "opposed";
 /// Of an inertial sensor that needs more noise than it shows, for the path to fit.
 const NEEDS_NOISE: &str = "needs noise";
 /// So many times what is much noise is worth a look in a single flight.
@@ -133,11 +135,27 @@ pub fn level(table: &Columns, row: usize) -> Level {
     match verdict.as_str() {
         // What drives the path and stops takes the path with it.
         "saturated" if table.text("channel", row).ends_with("_imu") => Level::Bad,
-        NEEDS_NOISE if value > GROSS * table.number("high", row) => Level::Warn,
+        NEEDS_NOISE if is_gross(table, row) => Level::Warn,
+        OPPOSED if needs_gross_noise(table, row) => Level::Bad,
         v if REMARKS.contains(&v) => Level::Info,
         v if DEGREE.contains(&v) && !rejected => Level::Warn,
         _ => Level::Bad,
     }
+}
+
+/// Whether a row tells of gross noise that the path needs.
+fn is_gross(table: &Columns, row: usize) -> bool {
+    table.text("verdict", row) == NEEDS_NOISE
+        && table.number("value", row) > GROSS * table.number("high", row)
+}
+
+/// Whether the channel of a row needs gross noise in that flight: one that runs against the others, too, is wrong,
+/// or what it is held against is.
+fn needs_gross_noise(table: &Columns, row: usize) -> bool {
+    let same = |other: &usize| {
+        ["flight", "channel"].iter().all(|of| table.text(of, *other) == table.text(of, row))
+    };
+    (0..table.rows()).filter(same).any(|other| is_gross(table, other))
 }
 
 fn weight(level: &Level) -> usize {

@@ -328,15 +328,18 @@ fn consistency() -> Table {
         ("b_q", "sensor error", 3.4e-3, "significant", "bias of the pitch rate"),
         ("q_imu", "sign", -0.99, "sign reversed", "against what all others say"),
         ("theta", "whiteness", 0.3, "coloured", "neighbouring innovations"),
+        ("ay_imu", "sign", -0.63, "opposed", "against what all others say"),
+        ("ay_imu", "noise", 25.0, "needs noise", "as the path needs it"),
+        ("az_imu", "sign", -0.6, "opposed", "against what all others say"),
     ];
     Table::build("consistency")
-        .strings("flight", ["flight-1"; 5])
+        .strings("flight", ["flight-1"; 8])
         .strings("channel", rows.map(|r| r.0))
         .strings("check", rows.map(|r| r.1))
         .f64("value", rows.map(|r| r.2))
-        .f64("low", [-0.8; 5])
-        .f64("high", [1.0; 5])
-        .strings("unit", ["-"; 5])
+        .f64("low", [-0.8; 8])
+        .f64("high", [1.0; 8])
+        .strings("unit", ["-"; 8])
         .strings("verdict", rows.map(|r| r.3))
         .strings("text", rows.map(|r| r.4))
         .finish()
@@ -357,10 +360,13 @@ fn channels_that_do_not_fit_are_named() {
         "{text}"
     );
     let grid = super::consistency::table(table);
-    assert_eq!(grid.rows.len(), 3, "sensor errors have a table of their own");
+    assert_eq!(grid.rows.len(), 5, "sensor errors have a table of their own");
     let of = |channel: &str| grid.rows.iter().find(|r| r.cells[1].text == channel).expect("a row");
     assert_eq!(of("q_imu").level, Some(grid::Level::Bad));
     assert_eq!(of("theta").level, Some(grid::Level::Info));
+    // Against the others by little, and with much noise that the path needs, it is wrong.
+    assert_eq!(of("ay_imu").level, Some(grid::Level::Bad));
+    assert_eq!(of("az_imu").level, Some(grid::Level::Warn));
 }
 
 pub fn notes() -> Table {
