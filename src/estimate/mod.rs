@@ -50,7 +50,7 @@
 //! | `chords` | what the estimates owe to straight lines between the points of the grid |
 //! | `noisy_inputs` | what the noise of measured inputs moves, and what it alone determines |
 //! | `ramps` | what the estimates owe to the curve that a delay reads of its input |
-//! | `skewed` | records that look late against the others |
+//! | `skewed`, `shifted` | records that look late against the others |
 //! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
@@ -99,6 +99,7 @@ mod search;
 mod segment;
 mod selection;
 mod settings;
+mod shifted;
 mod sides;
 mod sizes;
 mod skewed;

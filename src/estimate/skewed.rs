@@ -2,7 +2,7 @@
 //!
 //! A record that is late by `tau` has `u(t - tau)` where the model is driven by `u(t)`, and what is measured
 //! of an output is `y(t - tau)`. `tau` of every input and every output is a further unknown whose
-//! sensitivities are differences over a step of the grid to both sides. One pass at the solution gives the
+//! sensitivities are differences over a step of the grid. One pass at the solution gives the
 //! normal equations of all of them together with the parameters; those that lower the cost by more than
 //! chance are chosen one after the other, the largest first (forward selection: a shift of everything is
 //! none, so that they are never all determined), and estimated together with the parameters, with honest
@@ -13,10 +13,10 @@
 
 use super::case::Case;
 use super::coarse::MOVES;
+use super::shifted::{Of, Shifted};
 use super::solution::{Solution, judged};
 use super::{Settings, Stop};
-use crate::dynamics::{Interpolation, Record, between_samples};
-use crate::least_squares::{Arrow, Block, Layout, Method, minimise, normal_equations};
+use crate::least_squares::{Arrow, Layout, Method, minimise, normal_equations};
 use crate::math::median;
 use crate::math::products::dot;
 use crate::model::Delayed;
@@ -49,14 +49,6 @@ pub struct Late {
     pub sd: f64,
 }
 
-/// Whose record.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Of {
-    Input(usize),
-    /// By its place among the scored ones.
-    Output(usize),
-}
-
 impl Case {
     /// Records that look late; none where none does, or nothing moves by its sd.
     pub(super) fn skewed(&self, solution: &Solution, settings: &Settings) -> Option<Skewed> {
@@ -69,7 +61,7 @@ impl Case {
             return None;
         }
         let (nc, k) = (self.layout.shared, chosen.len());
-        let shifted = Shifted { case: self, of: &chosen };
+        let shifted = Shifted { case: self, of: &chosen, both: true };
         let evaluate = |s: usize, local: &[f64], slopes: bool| shifted.evaluate(s, local, slopes);
         let layout = Layout { start: wide(&solution.fit.theta, nc, k), ..self.layout.widened(k) };
         let method = Method { max_iterations: FEW, ..settings.method() };
@@ -117,7 +109,7 @@ impl Case {
     /// Those whose shifts lower the cost by more than chance, one after the other.
     fn chosen_of(&self, all: &[Of], solution: &Solution) -> Option<Vec<Of>> {
         let (nc, k) = (self.layout.shared, all.len());
-        let shifted = Shifted { case: self, of: all };
+        let shifted = Shifted { case: self, of: all, both: false };
         let evaluate = |s: usize, local: &[f64], slopes: bool| shifted.evaluate(s, local, slopes);
         let theta = wide(&solution.fit.theta, nc, k);
         let (matrix, gradient) = normal_equations(&self.layout.widened(k), &evaluate, &theta)?;
@@ -160,120 +152,4 @@ fn promised(matrix: &Arrow, gradient: &[f64], is_held: &dyn Fn(usize) -> bool) -
     (0..rhs.len()).filter(|&i| is_held(i)).for_each(|i| matrix.pin(&mut rhs, i, 0.0));
     let step = matrix.factor().ok()?.solve(&rhs);
     Some(0.5 * dot(&step, &rhs))
-}
-
-/// A case with the times by which records are late as further shared parameters.
-struct Shifted<'a> {
-    case: &'a Case,
-    of: &'a [Of],
-}
-
-impl Shifted<'_> {
-    /// Residuals, with sensitivities to those times between those to shared parameters and to the segment's own.
-    fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
-        let (shared, k) = (self.case.layout.parts[s].shared.len(), self.of.len());
-        let (known, own) = (&local[..shared], &local[shared + k..]);
-        let (late, plain) = (&local[shared..shared + k], [known, own].concat());
-        let at = |late: &[f64], slopes: bool| {
-            self.case.evaluate_as(&self.record(s, late), s, &plain, slopes)
-        };
-        let blocks = at(late, sensitivities)?;
-        if !sensitivities {
-            return Some(blocks);
-        }
-        let h = self.case.records[s].dt;
-        let slope = |j: usize| {
-            let by = |h: f64| {
-                let mut late = late.to_vec();
-                late[j] += h;
-                at(&late, false)
-            };
-            Some((by(-h)?, by(h)?))
-        };
-        let slopes: Vec<(Vec<Block>, Vec<Block>)> = (0..k).map(slope).collect::<Option<_>>()?;
-        let nd = plain.len();
-        let widened = |(b, block): (usize, Block)| {
-            let mut g = Vec::with_capacity(block.e.len() * (nd + k));
-            for row in 0..block.e.len() {
-                let known = &block.g[row * nd..(row + 1) * nd];
-                g.extend_from_slice(&known[..shared]);
-                // y moves by what e does not
-                let of = |(before, after): &(Vec<Block>, Vec<Block>)| {
-                    let slope = (before[b].e[row] - after[b].e[row]) / (2.0 * h);
-                    if slope.is_finite() { slope } else { 0.0 }
-                };
-                g.extend(slopes.iter().map(of));
-                g.extend_from_slice(&known[shared..]);
-            }
-            Block { g, ..block }
-        };
-        Some(blocks.into_iter().enumerate().map(widened).collect())
-    }
-
-    /// The record of a segment with what is late put right.
-    fn record(&self, s: usize, late: &[f64]) -> Record {
-        let mut record = self.case.records[s].clone();
-        for (of, &late) in self.of.iter().zip(late).filter(|(_, late)| **late != 0.0) {
-            match of {
-                Of::Input(i) => {
-                    let steps = late / record.dt;
-                    earlier(&mut record, *i, steps);
-                }
-                Of::Output(j) => {
-                    let output = self.case.outputs[*j];
-                    let first = record.t0 + record.start as f64 * record.dt;
-                    let last = record.t0 + (record.n.max(1) - 1) as f64 * record.dt;
-                    let channels = record.channels.iter_mut().filter(|c| c.output == output);
-                    for channel in channels {
-                        // as many samples count whatever the shift
-                        let earlier = |t: &f64| match *t >= first && *t <= last {
-                            true => (t - late).clamp(first, last),
-                            false => *t,
-                        };
-                        channel.t = channel.t.iter().map(earlier).collect::<Vec<f64>>().into();
-                    }
-                }
-            }
-        }
-        record
-    }
-}
-
-/// Moves an input to earlier times by so many steps of the grid; what is held changes by shares of its area.
-fn earlier(record: &mut Record, input: usize, steps: f64) {
-    let nu = record.inputs.len() / record.n.max(1);
-    let column: Vec<f64> = record.inputs.iter().skip(input).step_by(nu).copied().collect();
-    let is_held = record.interpolation.get(input) == Some(&Interpolation::Hold);
-    let at = |k: isize| column[k.clamp(0, column.len() as isize - 1) as usize];
-    let (whole, share) = (steps.floor() as isize, steps - steps.floor());
-    let mut inputs = record.inputs.to_vec();
-    for (k, u) in inputs.iter_mut().skip(input).step_by(nu).enumerate() {
-        let k = k as isize + whole;
-        *u = match is_held {
-            true => (1.0 - share) * at(k) + share * at(k + 1),
-            false => between_samples([k - 1, k, k + 1, k + 2].map(at), share),
-        };
-    }
-    record.inputs = inputs.into();
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_input_is_moved_by_whole_steps_and_parts_of_them() {
-        let ramp = |n: usize| (0..n).map(|k| k as f64).collect::<Vec<f64>>();
-        let mut record = Record { n: 8, dt: 0.1, inputs: ramp(8).into(), ..Record::default() };
-        earlier(&mut record, 0, 2.0);
-        assert_eq!(record.inputs.to_vec(), [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 7.0, 7.0]);
-        record.inputs = ramp(8).into();
-        earlier(&mut record, 0, -1.25);
-        assert!((record.inputs[4] - 2.75).abs() < 1e-12, "{:?}", record.inputs);
-        record.interpolation = vec![Interpolation::Hold];
-        record.inputs = vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0].into();
-        earlier(&mut record, 0, 0.25);
-        assert_eq!(record.inputs[2], 0.25);
-        assert_eq!(record.inputs[3], 1.0);
-    }
 }
