@@ -5,11 +5,12 @@
 //! drifts with trim, noise on the recorded surfaces, a slow gust. They count as there where they are named.
 //!
 //! `KOEHLER_TRIALS="company#1-40" cargo test --release --test all -- trials::company --nocapture`; odd seeds are those that rules
-//! may be set on, even ones report. `"company#1-40 unmanned 100"` flies another aircraft at another rate, `"company#1-40 mixed"` all.
+//! may be set on, even ones report. `"company#1-40 unmanned 100"` flies another aircraft at another rate, `"company#1-40 mixed"` all;
+//! `"company#7"` tells everything that is known of one.
 
 use super::campaign::{self, Setting, Trial, random};
 use super::truth::{Hidden, INSIDE, NOTHING, OUTSIDE, together};
-use super::{Outcome, With, cores, diagnosed, named, votes};
+use super::{Outcome, With, cores, diagnosed, named, story, votes};
 use koehler::diagnose::{self, Verdict};
 use koehler::estimate::Segment;
 use rand::RngExt;
@@ -62,7 +63,8 @@ struct Row {
     lines: Vec<String>,
 }
 
-fn one(seed: u64, with: &With) -> Option<Row> {
+/// `alone`: everything that is known of it is printed, too.
+fn one(seed: u64, with: &With, alone: bool) -> Option<Row> {
     let mut r = random(seed, 11);
     let turbulence = seed.is_multiple_of(4) || seed % 4 == 3;
     let setting = with.setting(seed, seed as usize, turbulence, 1.0);
@@ -99,6 +101,9 @@ fn one(seed: u64, with: &With) -> Option<Row> {
     let segments = recorded(flown, &setting);
     let trial = Trial { segments, size, channel: String::new(), amount: 0.0 };
     let outcome = diagnosed(&NOTHING, &setting, &trial, &diagnose::Settings::default());
+    if alone {
+        println!("{}", story(&NOTHING, &setting, &outcome));
+    }
     Some(judged(&setting, hidden.into_iter().zip(sizes).collect(), size, &outcome))
 }
 
@@ -208,7 +213,7 @@ fn recovery_names_in_company() {
     let work = || {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
         while let Some(&seed) = seeds.get(next.fetch_add(1, Ordering::SeqCst)) {
-            let row = pool.install(|| one(seed, &with));
+            let row = pool.install(|| one(seed, &with, seeds.len() == 1));
             match &row {
                 Some(row) => println!("{}", row.told()),
                 None => println!("company#{seed}: cannot be flown"),
