@@ -10,6 +10,8 @@ use tempfile::TempDir;
 pub const SLOPE: f64 = 0.02;
 pub const INTERCEPT: f64 = 0.5;
 pub const LAG: f64 = 0.4;
+/// What an estimate says of that campaign's records, which are 1 ms apart.
+pub const LATE: &str = "records look shifted in time against the others";
 
 pub const CHANNELS: &str = r#"
 [signal.u]
@@ -204,7 +206,8 @@ pub fn write_log_seen(
     let air = writer.add_topic("/air", &field("speed", "m/s")).expect("topic");
     let zero = 1_700_000_000_000_000_000;
     let mut x = 0.0;
-    // Steps of 1 ms; the drive is logged at 100 Hz, the sensor at 40 Hz, the airspeed at 10 Hz.
+    // Steps of 1 ms, behind which the response is taken: it is logged 1 ms early, and estimates say so
+    // (`LATE`). The drive is logged at 100 Hz, the sensor at 40 Hz, the airspeed at 10 Hz.
     for k in 0..(maneuvers.max(1) as u64 * 20_000) {
         let t = k as f64 * 1e-3;
         let v = speed((t / 20.0) as usize);

@@ -1,7 +1,7 @@
 //! Which flights, maneuvers and stretches of a record are used: those that were chosen, and all
 //! that can be; what was left out is said.
 
-use crate::campaign::{Campaign, write_log};
+use crate::campaign::{Campaign, LATE, write_log};
 use koehler::table::{Table, read_dataset};
 
 fn table(c: &Campaign, name: &str) -> Table {
@@ -81,7 +81,10 @@ fn a_name_that_turns_out_to_be_no_maneuver_is_missing() {
     c.edit("pipeline.toml", "kinds = [\"3211\"]", "except = [\"flight-1.09\"]");
     c.run().ended(1);
     let text = "missing 1 lag: `except` names flight-1.09, and there is no such maneuver";
-    assert_eq!(notes(&c, "estimate"), [text]);
+    let (late, said): (Vec<String>, Vec<String>) =
+        notes(&c, "estimate").into_iter().partition(|n| n.contains(LATE));
+    assert_eq!(said, [text]);
+    assert!(late.iter().all(|n| n.contains("u 0.001")), "{late:?}");
 }
 
 const BACKWARDS: &str = r#"
@@ -121,8 +124,15 @@ fn a_whole_record_is_used_where_its_inputs_are() {
         column(&table(&c, "responses"), "model", "back", "segment"),
         ["flight-1", "flight-2-001", "flight-2-002"]
     );
-    let said: Vec<String> =
-        notes(&c, "estimate").into_iter().filter(|n| n.contains("back")).collect();
+    let (late, said): (Vec<String>, Vec<String>) = notes(&c, "estimate")
+        .into_iter()
+        .filter(|n| n.contains("back"))
+        .partition(|n| n.contains(LATE));
+    // The response lags behind the drive, and the gain between them knows of no lag.
+    assert!(
+        late[0].contains("against the others: y 0.") && late[0].contains(" s late"),
+        "{late:?}"
+    );
     assert_eq!(
         said,
         [
