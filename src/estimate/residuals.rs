@@ -14,9 +14,7 @@ impl Case {
         if let Some(filter) = &self.filter {
             return self.innovations(filter, s, local, sensitivities);
         }
-        let mut blocks = self.residuals(&self.propagator, s, local, sensitivities)?;
-        blocks.iter_mut().for_each(|b| b.g = self.with_slopes(s, std::mem::take(&mut b.g)));
-        Some(blocks)
+        self.evaluate_as(&self.records[s], s, local, sensitivities)
     }
 
     /// The same with sensitivities to what belongs to the segment alone.
@@ -47,7 +45,7 @@ impl Case {
         Some(blocks)
     }
 
-    /// The same of another record of segment `s`, of a case without process noise.
+    /// Residuals per channel of a record in the place of that of segment `s`, of a case without process noise.
     pub(super) fn evaluate_as(
         &self,
         record: &Record,

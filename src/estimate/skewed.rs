@@ -55,6 +55,8 @@ impl Case {
         if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
             return None;
         }
+        // Without standard deviations nothing is beyond chance.
+        solution.covariance.as_ref()?;
         let all = self.recorded();
         let chosen = self.chosen_of(&all, solution)?;
         if chosen.is_empty() {

@@ -25,8 +25,11 @@ pub fn by_noise(
     candidate: &Candidate,
     refit: &Refit,
 ) -> Result<Option<String>, Errors> {
+    if candidate.noise {
+        return Ok(None);
+    }
     let inputs = ground.case.noisy();
-    if candidate.noise || inputs.is_empty() {
+    if inputs.is_empty() {
         return Ok(None);
     }
     let at: Vec<f64> = refit.values.iter().map(|v| v.value).collect();

@@ -23,7 +23,8 @@ struct Alone {
     estimation: Estimation,
 }
 
-/// What there is to say; `again` estimates from other segments by the same settings.
+/// What there is to say; `again` estimates from other segments by the same settings, and tells no more of it than
+/// values and their standard deviations.
 ///
 /// # Errors
 /// An estimation is refused.

@@ -242,10 +242,14 @@ fn of_ready(
 ) -> Result<Estimated, Errors> {
     let batches = batches(config.settings.group, ready);
     let done = AtomicUsize::new(0);
-    let estimated = |segments: &[estimate::Segment]| {
+    let by = |segments: &[estimate::Segment], method: &estimate::Settings| {
         let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
-        estimate::estimate_where(&here, &config.model, segments, &config.settings.method)
+        estimate::estimate_where(&here, &config.model, segments, method)
     };
+    let method = &config.settings.method;
+    let briefly = estimate::Settings { briefly: true, ..method.clone() };
+    let estimated = |segments: &[estimate::Segment]| by(segments, method);
+    let alone = |segments: &[estimate::Segment]| by(segments, &briefly);
     let estimations: Vec<Estimation> = batches
         .par_iter()
         .map(|batch| {
@@ -257,7 +261,7 @@ fn of_ready(
     for (batch, estimation) in batches.iter().zip(&estimations) {
         notes.extend(told::notes(config, batch, estimation));
         notes.extend(late::notes(config, inputs, (batch, estimation), &estimated)?);
-        notes.extend(apart::notes(config, (batch, estimation), &estimated)?);
+        notes.extend(apart::notes(config, (batch, estimation), &alone)?);
         notes.extend(uneven::notes(config, batch, estimation));
     }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
