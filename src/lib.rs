@@ -55,7 +55,8 @@ pub use pipeline::FUNCTIONS;
 pub mod table;
 
 // Everything else is private. The tests and benchmarks of the project see some of it through the
-// feature `internals`, which no other program should ask for: nothing is promised of it.
+// feature `internals`, which other programs refuse (`default-features = false`): nothing is promised of
+// it.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod config;

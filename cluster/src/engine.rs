@@ -28,6 +28,10 @@ const UNITS: &str = "unit of a stage";
 /// for any number of them.
 const WIDE: usize = 64;
 
+/// What workers made is filed by so many threads: they wait for the disk, and use no processor while
+/// they do.
+const FILING: usize = 8;
+
 /// Workers behind a scheduler.
 pub struct Cluster {
     client: Client,
@@ -39,6 +43,7 @@ pub struct Cluster {
     overhead: Duration,
     /// How long jobs took here, by function and number of items.
     here: Mutex<BTreeMap<(&'static str, usize), Duration>>,
+    filing: rayon::ThreadPool,
     /// No worker is left.
     lost: AtomicBool,
     quiet: bool,
@@ -62,6 +67,8 @@ impl Cluster {
         // The first query also makes connections.
         client.nothing(PATIENCE).map_err(failed)?;
         let overhead = client.nothing(PATIENCE).map_err(failed)?;
+        let filing = rayon::ThreadPoolBuilder::new().num_threads(FILING).build();
+        let filing = filing.map_err(|e| Error::new(format!("cannot start threads: {e}")))?;
         let out = std::path::absolute(out).map_err(|e| Error::new(e.to_string()))?;
         let place = out.join(".koehler").join(format!("cluster-{}", std::process::id()));
         let cluster = Cluster {
@@ -71,6 +78,7 @@ impl Cluster {
             folder: OnceLock::new(),
             overhead,
             here: Mutex::default(),
+            filing,
             lost: AtomicBool::new(false),
             quiet,
             said: Mutex::default(),
@@ -159,7 +167,7 @@ impl Cluster {
     /// Hands answers on. What a worker could not do is done here afterwards, and said.
     fn take(&self, job: &dyn Job, folder: &Folder, answers: &BTreeMap<usize, Vec<u8>>) {
         let answers: Vec<(&usize, &Vec<u8>)> = answers.iter().collect();
-        answers.into_par_iter().filter(|(i, _)| **i < job.count()).for_each(|(i, answer)| {
+        let file = |(i, answer): (&usize, &Vec<u8>)| {
             let taken = Answer::decoded(answer).and_then(|answer| {
                 answer.said.into_iter().for_each(|words| job.said(*i, Said::Words(words)));
                 let output = answer.output.map_err(Error::new)?;
@@ -168,7 +176,9 @@ impl Cluster {
             if let Err(e) = taken {
                 self.note(&format!("an item of \"{}\" is done here: {e}", job.name()));
             }
-        });
+        };
+        let known = answers.into_par_iter().filter(|(i, _)| **i < job.count());
+        self.filing.install(|| known.for_each(file));
     }
 }
 

@@ -214,11 +214,11 @@ fn notes_of(notes: &[Note], kinds: &[(Severity, &str)]) {
         let hidden = groups.len().saturating_sub(GROUPS_SHOWN);
         if hidden > 0 {
             say(&format!(
-                "  and {} of note; all of them are in the table `notes`",
+                "  and {} of note; all of them are in log.txt, and in the table `notes` of a whole run",
                 count(hidden, "other kind")
             ));
         } else if groups.iter().any(|group| group.len() > 1) {
-            say("  all of them are in the table `notes`");
+            say("  all of them are in log.txt, and in the table `notes` of a whole run");
         }
     }
 }

@@ -124,8 +124,7 @@ fn recovery_friction_that_the_model_lacks_is_named() {
     }
 }
 
-/// A model that follows every small movement of a vane does what friction would have held; that is not named,
-/// and friction that is there is.
+/// A model that follows every small movement of a vane does what friction would have held; that is not named.
 #[test]
 fn recovery_noise_of_a_vane_is_no_friction() {
     for seed in 11..15 {
@@ -136,6 +135,10 @@ fn recovery_noise_of_a_vane_is_no_friction() {
         assert!(named.contains(&"input-noise") || !d.is_named(), "{seed}: {named:?}");
         assert!(named.iter().all(|effect| !effect.starts_with("hinge")), "{seed}: {named:?}");
     }
+}
+
+#[test]
+fn recovery_friction_beside_noise_of_a_vane_is_named() {
     let d = with_noise(&surface("", ", friction = 2.0", ""), 21, 6e-3);
     println!("{}", told(&d));
     let friction = d.rounds.iter().flat_map(|r| &r.judged).filter(|j| j.effect == "hinge-friction");

@@ -5,7 +5,9 @@
 //! estimates are off by what goes with `h^2`. Curves through every second sample are off by four times
 //! that: a third of what one step of the iteration makes of the difference is what they do themselves
 //! (Richardson's extrapolation). Samples are those of the record: a finer grid knows no more than it.
-//! What noise of the inputs does is in it.
+//! Noise of the inputs, and edges, which lie somewhere between two samples, move the estimates one way where the
+//! even samples are kept and another where the odd ones are: only what both do alike, beyond what they differ
+//! by, is told.
 
 use super::case::Case;
 use super::solution::Solution;
@@ -14,6 +16,10 @@ use crate::dynamics::{Channel, Interpolation, Record, between_samples};
 
 /// Errors go with the square of the spacing: of twice of it, less its own, there are three.
 const RICHARDSON: f64 = 3.0;
+
+/// What even and odd samples do alike is so many times what they differ by (root mean square over all
+/// parameters). *Convention*, as three standard deviations.
+const BEYOND: f64 = 3.0;
 
 /// Points between samples are on lines where they bend by less than this share of what the samples do.
 const ON_LINES: f64 = 0.1;
@@ -45,31 +51,48 @@ impl Case {
         if self.is_filtered() || solution.fit.stop != Stop::Converged {
             return None;
         }
-        let mut coarser = self.clone();
         let nu = self.model.inputs.len();
         let mut told =
             Chords { spacing: [f64::INFINITY, 0.0], finer: false, smooth: true, moved: Vec::new() };
-        for record in &mut coarser.records {
-            let dt = record.dt;
-            for known in thinned(record, nu) {
-                let spacing = known.every as f64 * dt;
-                told.spacing = [told.spacing[0].min(spacing), told.spacing[1].max(spacing)];
-                told.finer |= known.finer;
-                told.smooth &= known.smooth;
+        let mut steps = [const { Vec::new() }; 2];
+        for (phase, steps) in steps.iter_mut().enumerate() {
+            let mut coarser = self.clone();
+            for record in &mut coarser.records {
+                let dt = record.dt;
+                for known in thinned(record, nu, phase) {
+                    let spacing = known.every as f64 * dt;
+                    told.spacing = [told.spacing[0].min(spacing), told.spacing[1].max(spacing)];
+                    told.finer |= known.finer;
+                    told.smooth &= known.smooth;
+                }
             }
+            if told.spacing[1] == 0.0 {
+                return None;
+            }
+            *steps = self.steps_to(&coarser, solution, settings);
         }
-        if told.spacing[1] == 0.0 {
-            return None;
-        }
-        told.moved = self.moved(&coarser, solution, settings, RICHARDSON);
-        told.moved.iter_mut().for_each(|(_, by)| *by /= RICHARDSON);
+        told.moved = common(&steps)
+            .map(|(i, by)| (self.unknowns[i].name.clone(), by / RICHARDSON))
+            .filter(|(_, by)| *by > 1.0)
+            .collect();
+        told.moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         (!told.moved.is_empty()).then_some(told)
     }
 }
 
+/// What two choices of every second sample move alike, by index, in standard deviations; nothing of what is no
+/// more than what they differ by.
+fn common([even, odd]: &[Vec<f64>; 2]) -> impl Iterator<Item = (usize, f64)> {
+    let both = || even.iter().zip(odd).enumerate().filter(|(_, (a, b))| (*a + *b).is_finite());
+    let (n, square) = both()
+        .fold((0.0, 0.0), |(n, square), (_, (a, b))| (n + 1.0, square + 0.25 * (a - b) * (a - b)));
+    let differ = (square / f64::max(n, 1.0)).sqrt();
+    both().map(|(i, (a, b))| (i, 0.5 * (a + b).abs())).filter(move |(_, by)| *by > BEYOND * differ)
+}
+
 /// Puts every second sample of the inputs that are not held, and what lies beside it, onto the curve through the
-/// others; how each of them is known.
-fn thinned(record: &mut Record, nu: usize) -> Vec<Known> {
+/// others, in the first or the second `phase`; how each of them is known.
+fn thinned(record: &mut Record, nu: usize, phase: usize) -> Vec<Known> {
     // How commands run is known.
     let held = |i: &usize| {
         let kind = record.interpolation.get(*i);
@@ -80,15 +103,14 @@ fn thinned(record: &mut Record, nu: usize) -> Vec<Known> {
     for i in (0..nu).filter(|i| !held(i)) {
         let column: Vec<f64> = record.inputs.iter().skip(i).step_by(nu).copied().collect();
         let known = Known::of(record, i, &column);
-        let step = 2 * known.every;
-        if record.n <= known.first + step {
+        let (step, first) = (2 * known.every, known.first + phase * known.every);
+        if record.n <= first + step {
             continue;
         }
-        let last = (record.n - 1 - known.first) / step;
-        let at = |k: isize| column[known.first + step * k.clamp(0, last as isize) as usize];
-        for k in known.first..known.first + step * last {
-            let (place, s) =
-                ((k - known.first) / step, ((k - known.first) % step) as f64 / step as f64);
+        let last = (record.n - 1 - first) / step;
+        let at = |k: isize| column[first + step * k.clamp(0, last as isize) as usize];
+        for k in first..first + step * last {
+            let (place, s) = ((k - first) / step, ((k - first) % step) as f64 / step as f64);
             let place = place as isize;
             inputs[k * nu + i] = match known.smooth {
                 true => between_samples([place - 1, place, place + 1, place + 2].map(at), s),
@@ -138,11 +160,11 @@ mod tests {
             interpolation,
             ..Record::default()
         };
-        let known = thinned(&mut record, 2);
+        let known = thinned(&mut record, 2, 0);
         assert!(known.len() == 1 && known[0].every == 1 && !known[0].smooth && !known[0].finer);
         assert_eq!(record.inputs.to_vec(), [0.0, 7.0, 1.0, 5.0, 2.0, 6.0, 3.0, 1.0, 4.0, 8.0]);
         record.interpolation = vec![Interpolation::Hold; 2];
-        assert!(thinned(&mut record, 2).is_empty());
+        assert!(thinned(&mut record, 2, 0).is_empty());
     }
 
     /// A wave with a sample every four points of the grid, the first of them at point 1.
@@ -164,7 +186,7 @@ mod tests {
     fn a_finer_grid_has_the_samples_of_the_record() {
         for smooth in [false, true] {
             let (mut record, before) = (sampled(smooth), sampled(smooth).inputs);
-            let known = thinned(&mut record, 1);
+            let known = thinned(&mut record, 1, 0);
             assert_eq!((known[0].every, known[0].first, known[0].smooth), (4, 1, smooth));
             let moved = |k: usize| (record.inputs[k] - before[k]).abs();
             // samples 0, 2, 4 are kept, and 1, 3 are on the curve through them
@@ -172,6 +194,6 @@ mod tests {
             assert!([5, 13].iter().all(|&k| moved(k) > if smooth { 1e-4 } else { 1e-2 }));
         }
         let mut record = Record { spacings: vec![0.004], ..sampled(false) };
-        assert!(thinned(&mut record, 1)[0].finer);
+        assert!(thinned(&mut record, 1, 0)[0].finer);
     }
 }

@@ -51,18 +51,30 @@ impl Case {
         settings: &Settings,
         least: f64,
     ) -> Vec<(String, f64)> {
+        let steps = self.steps_to(other, solution, settings);
+        let by = |i: usize| (self.unknowns[i].name.clone(), steps[i].abs());
+        let mut moved: Vec<(String, f64)> =
+            (0..steps.len()).filter(|&i| steps[i].abs() > least).map(by).collect();
+        moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        moved
+    }
+
+    /// The same of every unknown, with signs; NaN of one without standard deviation.
+    pub(super) fn steps_to(
+        &self,
+        other: &Case,
+        solution: &Solution,
+        settings: &Settings,
+    ) -> Vec<f64> {
         let evaluate =
             |s: usize, local: &[f64], sensitivities: bool| other.evaluate(s, local, sensitivities);
         let layout = Layout { start: solution.fit.theta.clone(), ..self.layout.clone() };
         let method = Method { max_iterations: 1, ..settings.method() };
         let theta = minimise(&layout, &evaluate, &method).theta;
-        let moved = |i: usize| {
+        let step = |i: usize| {
             let (sd, _) = solution.deviation(i)?;
-            let by = (theta.get(i)? - solution.fit.theta[i]).abs() / sd;
-            (by > least).then(|| (self.unknowns[i].name.clone(), by))
+            Some((theta.get(i)? - solution.fit.theta[i]) / sd)
         };
-        let mut moved: Vec<(String, f64)> = (0..self.unknowns.len()).filter_map(moved).collect();
-        moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        moved
+        (0..self.unknowns.len()).map(|i| step(i).unwrap_or(f64::NAN)).collect()
     }
 }

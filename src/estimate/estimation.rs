@@ -176,6 +176,9 @@ pub struct Estimation {
     pub noisy_starts: Option<NoisyStarts>,
     /// Delayed inputs that run along straight lines.
     pub ramps: Option<Ramps>,
+    /// Parameters whose standard deviations are too small because what is left of several outputs goes together,
+    /// with the factor, the largest first.
+    pub together: Vec<(String, f64)>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
     /// Another start that ended elsewhere.

@@ -51,6 +51,7 @@
 //! | `noisy_inputs` | what the noise of measured inputs moves, and what it alone determines |
 //! | `ramps` | what the estimates owe to the curve that a delay reads of its input |
 //! | `skewed`, `shifted` | records that look late against the others |
+//! | `together` | standard deviations that are too small because several outputs are moved at once |
 //! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
@@ -108,6 +109,7 @@ mod start;
 mod terms;
 #[cfg(test)]
 mod tests;
+mod together;
 mod trace;
 mod tries;
 mod unknowns;

@@ -59,6 +59,14 @@ pub struct NoisyInputs {
     pub alone: Vec<String>,
 }
 
+impl NoisyInputs {
+    /// The inputs with their noise.
+    pub fn words(&self) -> String {
+        let each = |(name, sd): &(String, f64)| format!("{name} ({sd:.1e})");
+        self.inputs.iter().map(each).collect::<Vec<_>>().join(", ")
+    }
+}
+
 impl Case {
     /// What noise of the inputs moves or determines; none where it does neither.
     pub(super) fn noisy_inputs(

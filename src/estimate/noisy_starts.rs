@@ -192,7 +192,7 @@ impl Case {
     }
 
     /// Places in the parameter vector of a segment's directions.
-    fn indices(&self, s: usize) -> impl Iterator<Item = usize> {
+    pub(super) fn indices(&self, s: usize) -> impl Iterator<Item = usize> {
         let part = &self.layout.parts[s];
         part.shared.iter().copied().chain(part.offset..part.offset + part.own)
     }

@@ -194,6 +194,7 @@ fn told(
             noisy_inputs: case.noisy_inputs(solution, settings),
             skewed: case.skewed(solution, settings),
             ramps: case.ramps(solution, settings),
+            together: case.together(solution, settings),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {

@@ -43,6 +43,7 @@ pub struct Told {
     pub noisy_inputs: Option<NoisyInputs>,
     pub skewed: Option<Skewed>,
     pub ramps: Option<Ramps>,
+    pub together: Vec<(String, f64)>,
 }
 
 /// What was compared with measurements: the outputs of the model, or its equations.
@@ -131,6 +132,7 @@ pub fn name(
         noisy_inputs: told.noisy_inputs,
         skewed: told.skewed,
         ramps: told.ramps,
+        together: told.together,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),

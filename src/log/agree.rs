@@ -6,10 +6,10 @@
 
 use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
-use super::decode::{self, FieldInfo, is_unreadable};
+use super::decode::{self, FieldInfo, Gathered, is_unreadable};
 use super::file::LogFile;
-use super::flight::{first_messages, stamp_paths, topic_fields};
-use super::{Buffer, words};
+use super::flight::stamp_paths;
+use super::{Buffer, listing, words};
 use crate::config::Doc;
 use crate::error::{Error, Place, Result};
 use crate::units::Unit;
@@ -62,7 +62,7 @@ impl Look {
 /// The file cannot be read, is empty or is no MCAP.
 pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
     let Some(channels) = LogFile::summary(path)? else { return Ok(Look::default()) };
-    let mut eye = Eye { path, channels: &channels, log: None };
+    let mut eye = Eye { path, channels: &channels, log: None, asked: BTreeMap::new() };
     let mut look = Look { summary: true, ..Look::default() };
     let mut fields: BTreeMap<&str, Vec<FieldInfo>> = BTreeMap::new();
     for (name, signal) in &map.signal {
@@ -95,11 +95,17 @@ pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
     Ok(look)
 }
 
+/// Ways to ask messages for their fields, the quick one first.
+const ASK: [fn(&LogFile, &[u16]) -> Result<listing::Fields>; 2] =
+    [listing::at_first, listing::throughout];
+
 /// A log whose messages are looked at only where that is needed.
 struct Eye<'a> {
     path: &'a Path,
     channels: &'a BTreeMap<u16, Channel>,
     log: Option<LogFile>,
+    /// How many of `ASK` a topic's messages were asked with.
+    asked: BTreeMap<String, usize>,
 }
 
 impl Eye<'_> {
@@ -109,7 +115,8 @@ impl Eye<'_> {
 
     /// The fields that the schemas of a topic name.
     fn schema(&self, topic: &str) -> Vec<FieldInfo> {
-        topic_fields(self.channels, &self.ids(topic), &BTreeMap::new())
+        let ids = self.ids(topic);
+        listing::together(&ids, &listing::of_schemas(self.channels, &ids))
     }
 
     /// Whether no message of the topic has a value at this path. A schema that names the field is
@@ -124,16 +131,21 @@ impl Eye<'_> {
             self.log = LogFile::open(self.path).ok();
         }
         let Some(log) = &self.log else { return Ok(false) };
-        let samples = first_messages(log, &ids)?;
-        if samples.is_empty() {
-            return Ok(false);
+        let asked = self.asked.entry(topic.to_string()).or_default();
+        while field(known, path).is_none()
+            && let Some(ask) = ASK.get(*asked)
+        {
+            let mut all = Gathered::default();
+            all.add(listing::together(&ids, &ask(log, &ids)?));
+            all.add(std::mem::take(known));
+            (*known, *asked) = (all.fields, *asked + 1);
         }
-        *known = topic_fields(self.channels, &ids, &samples);
         Ok(field(known, path).is_none() && !anywhere(log, &ids, path)?)
     }
 }
 
-/// Whether any message of these channels has a number, or a NaN, at the path.
+/// Whether any message of these channels has a number, or a NaN, at the path, or there is no message that
+/// could say.
 fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> Result<bool> {
     let mut readers = BTreeMap::new();
     for &id in ids {
@@ -141,11 +153,12 @@ fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> Result<bool> {
         let prepared = channel.and_then(|c| decode::prepare(c, &[path.to_string()])?.ok());
         readers.extend(prepared.map(|prepared| (id, prepared())));
     }
-    let (mut buffer, mut found) = (Buffer::default(), false);
+    let (mut buffer, mut found, mut met) = (Buffer::default(), false, false);
     for part in 0..log.parts() {
         let mut value = [0.0];
         log.messages(part, &mut buffer, |m| {
             if let Some(reader) = readers.get_mut(&m.channel).filter(|_| !found) {
+                met = true;
                 reader(m.data, &mut value);
                 found = !is_unreadable(value[0]);
             }
@@ -154,11 +167,11 @@ fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> Result<bool> {
             break;
         }
     }
-    Ok(found)
+    Ok(found || !met)
 }
 
 /// The field at a path.
-fn field<'f>(known: &'f [FieldInfo], path: &'f str) -> Option<&'f FieldInfo> {
+pub(super) fn field<'f>(known: &'f [FieldInfo], path: &'f str) -> Option<&'f FieldInfo> {
     fields(known, path).next()
 }
 

@@ -5,22 +5,22 @@
 //! those that are not more than a day before the others; computed in integer nanoseconds, one zero
 //! for all topics and signals of a flight, whichever time stamp a signal uses.
 
-use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::counts::Counts;
-use super::decode::{self, FieldInfo};
+use super::decode::FieldInfo;
 use super::file::LogFile;
 use super::left_out::Seen;
+use super::listing::{self, Fields};
 use super::parts::{PartData, TopicPlan, decode_parts};
 use super::pauses::{self, Recorded};
 use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
-use super::{Buffer, Note, agree};
+use super::{Note, agree};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use indexmap::IndexMap;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// One flight: the signals of the channel map, in its order.
@@ -142,10 +142,10 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
         log.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect::<Vec<_>>()
     };
     let all: Vec<u16> = wanted.keys().flat_map(|t| ids(t)).collect();
-    let samples = first_messages(log, &all)?;
+    let first = listed(log, &all, &wanted, map)?;
     let make = |(topic, signals): (&str, Vec<(&String, &SignalMap)>)| {
         let channels = ids(topic);
-        let fields = topic_fields(&log.channels, &channels, &samples);
+        let fields = listing::together(&channels, &first);
         let mut paths: Vec<String> = Vec::new();
         for (name, signal) in signals {
             match agree::unit(name, signal, &fields, doc.place(&format!("signal.{name}.unit"))) {
@@ -171,47 +171,41 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
     errors.or((plans, remarks))
 }
 
-/// The first intact message of each of the given channels.
-///
-/// # Errors
-/// The log cannot be read any more.
-pub(super) fn first_messages(
+/// The fields of the channels: of their first messages, and of many where those lack one that the map
+/// names and that is not optional, or that the schema has.
+fn listed(
     log: &LogFile,
-    channels: &[u16],
-) -> Result<BTreeMap<u16, Vec<u8>>, Error> {
-    let mut found = BTreeMap::new();
-    let mut buffer = Buffer::default();
-    for part in 0..log.parts() {
-        if found.len() == channels.len() {
-            break;
-        }
-        log.messages(part, &mut buffer, |m| {
-            if channels.contains(&m.channel) && !found.contains_key(&m.channel) {
-                found.insert(m.channel, m.data.to_vec());
-            }
-        })?;
-    }
-    Ok(found)
-}
-
-/// The fields of all channels of a topic together.
-pub(super) fn topic_fields(
-    known: &BTreeMap<u16, Channel>,
-    channels: &[u16],
-    samples: &BTreeMap<u16, Vec<u8>>,
-) -> Vec<FieldInfo> {
-    // A list of a million numbers is a million fields.
-    let (mut fields, mut taken) = (Vec::new(), BTreeSet::new());
-    for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
-        let Some(encoding) = decode::encoding_of(channel) else { continue };
-        for field in (encoding.fields)(channel, samples.get(id).map(Vec::as_slice)) {
-            // one that another channel has in another unit is told of
-            if taken.insert((field.path.clone(), field.unit.clone())) {
-                fields.push(field);
-            }
+    ids: &[u16],
+    wanted: &BTreeMap<&str, Vec<(&String, &SignalMap)>>,
+    map: &ChannelMap,
+) -> Result<Fields, Error> {
+    let mut first = listing::at_first(log, ids)?;
+    let mut lacking = Vec::new();
+    for (topic, signals) in wanted {
+        let is_of = |id: &&u16| log.channels.get(id).is_some_and(|c| c.topic == *topic);
+        let channels: Vec<u16> = ids.iter().filter(is_of).copied().collect();
+        let has = listing::together(&channels, &first);
+        let schema = listing::together(&channels, &listing::of_schemas(&log.channels, &channels));
+        let lacks = |path: &str, optional: bool| {
+            agree::field(&has, path).is_none()
+                && (!optional || agree::field(&schema, path).is_some())
+        };
+        let lacks_any = |(_, signal): &(&String, &SignalMap)| {
+            let stamps = match map.time_source(signal) {
+                TimeSource::Field(path, unit, _) => stamp_paths(&path, unit, &has),
+                _ => Vec::new(),
+            };
+            lacks(&signal.field, signal.optional)
+                || stamps.iter().any(|path| lacks(path, signal.optional))
+        };
+        if signals.iter().any(lacks_any) {
+            lacking.extend(channels);
         }
     }
-    fields
+    if !lacking.is_empty() {
+        first.extend(listing::throughout(log, &lacking)?);
+    }
+    Ok(first)
 }
 
 /// A stamp is one field, or (as ROS writes it) a pair of seconds and nanoseconds below the given

@@ -5,9 +5,8 @@ use super::channel::Channel;
 use super::counts::Counts;
 use super::decode::{self, FieldInfo, Prepared, Reader, is_unreadable};
 use super::file::LogFile;
-use super::flight::{first_messages, topic_fields};
 use super::series::Spacing;
-use super::{Buffer, Note, Severity};
+use super::{Buffer, Note, Severity, listing};
 use crate::error::{Errors, Result};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -87,14 +86,10 @@ pub fn survey(path: &Path) -> std::result::Result<Survey, Errors> {
     for (&id, channel) in &log.channels {
         topics.entry(&channel.topic).or_default().push(id);
     }
-    let samples = first_messages(&log, &log.channels.keys().copied().collect::<Vec<_>>())?;
+    let listed = listing::throughout(&log, &log.channels.keys().copied().collect::<Vec<_>>())?;
     let concrete = |f: &FieldInfo| !f.path.contains('*');
-    let fields: Vec<Vec<FieldInfo>> = topics
-        .values()
-        .map(|ids| {
-            topic_fields(&log.channels, ids, &samples).into_iter().filter(concrete).collect()
-        })
-        .collect();
+    let of = |ids| listing::together(ids, &listed).into_iter().filter(concrete).collect();
+    let fields: Vec<Vec<FieldInfo>> = topics.values().map(|ids: &Vec<u16>| of(ids)).collect();
     let mut notes = log.notes.clone();
     let mut index: BTreeMap<u16, Source> = BTreeMap::new();
     for (topic, (name, ids)) in topics.iter().enumerate() {

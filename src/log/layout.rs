@@ -100,6 +100,8 @@ impl Layout {
             notes.extend(index(indexed.len(), outside, added, lost));
         }
         notes.extend(checksums(source, &walk, summary.as_ref())?);
+        let met = walk.imported.drain(..).map(|text| format!("at its import: {text}"));
+        notes.extend(met.map(|text| Note::warning("file", 1, text)));
         let trusted = summary.as_ref().is_some_and(Summary::is_trusted);
         let statistics = summary.as_ref().filter(|_| sound).and_then(|s| s.walk.statistics.clone());
         let mut defined = std::mem::take(&mut walk.data);

@@ -2,6 +2,7 @@
 //! files out.
 
 pub mod agree;
+mod around;
 mod bytes;
 mod channel;
 pub mod channel_map;
@@ -17,6 +18,7 @@ pub mod import;
 pub mod inspect;
 mod layout;
 mod left_out;
+mod listing;
 pub mod memory;
 mod parts;
 mod pauses;

@@ -18,6 +18,7 @@ pub(super) mod op {
     pub const MESSAGE_INDEX: u8 = 0x07;
     pub const CHUNK_INDEX: u8 = 0x08;
     pub const STATISTICS: u8 = 0x0B;
+    pub const METADATA: u8 = 0x0C;
     pub const SUMMARY_OFFSET: u8 = 0x0E;
     pub const DATA_END: u8 = 0x0F;
 }
@@ -95,6 +96,24 @@ pub(super) fn library(code: u8, body: &[u8]) -> Option<&str> {
     let mut b = Bytes(body);
     let _profile = parse_string(&mut b).filter(|_| code == op::HEADER)?;
     parse_string(&mut b)
+}
+
+/// The name of the metadata record in which an import says what it met: values are its notes.
+pub(super) const IMPORTED: &str = "koehler import";
+
+/// The notes of an import that a metadata record holds; none of others.
+pub(super) fn imported(body: &[u8]) -> Vec<String> {
+    let mut b = Bytes(body);
+    if parse_string(&mut b) != Some(IMPORTED) {
+        return Vec::new();
+    }
+    let Some(length) = b.u32() else { return Vec::new() };
+    let mut pairs = Bytes(b.take(length as usize).unwrap_or(&[]));
+    let mut notes = Vec::new();
+    while let (Some(_), Some(note)) = (parse_string(&mut pairs), parse_string(&mut pairs)) {
+        notes.push(note.to_string());
+    }
+    notes
 }
 
 impl Definitions {

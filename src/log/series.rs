@@ -32,6 +32,8 @@ pub struct Account {
     pub dropped_nan: u64,
     /// Messages without a number in this field (or without a time stamp).
     pub dropped_unreadable: u64,
+    /// Those of them that are sound: without this field, with a shorter list, or with no number there.
+    pub lacking: u64,
     /// Samples dropped because they are outside the range that the map gives.
     pub dropped_out_of_range: u64,
     /// Samples dropped because each stands far out of both neighbours.

@@ -1,8 +1,9 @@
 //! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its
 //! account and notes out.
 
+use super::around::{around, turn};
 use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero, Trend};
-use super::decode::is_unreadable;
+use super::decode::{is_damaged, is_unreadable};
 use super::file::LogFile;
 use super::flight::{SignalLog, stamp_paths};
 use super::left_out::{self, Fate, Seen};
@@ -14,7 +15,7 @@ use super::turned::Back;
 use super::{Note, agree, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
-use crate::signal::{round, spikes};
+use crate::signal::spikes;
 use crate::units::Unit;
 
 /// Time stamps, ns since the flight's zero; `None` where a message has none.
@@ -72,7 +73,10 @@ impl Context<'_> {
             match stamp {
                 Some(stamp) if value.is_finite() => samples.push((*stamp, value)),
                 Some(_) if !is_unreadable(value) => account.dropped_nan += 1,
-                _ => account.dropped_unreadable += 1,
+                _ => {
+                    account.dropped_unreadable += 1;
+                    account.lacking += u64::from(is_unreadable(value) && !is_damaged(value));
+                }
             }
         }
         let twice = drop_twice(&mut samples, &mut account);
@@ -81,7 +85,7 @@ impl Context<'_> {
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
-        let turns = turn(signal).map_or(0, |turn| round::unroll(&mut samples, turn));
+        let turns = around(name, signal, &mut samples);
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
             value: samples.iter().map(|s| s.1).collect(),
@@ -90,7 +94,7 @@ impl Context<'_> {
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
         notes.extend(set_back(name, &account, &twice));
         notes.extend(told(name, signal, &unit, &left_out));
-        notes.extend((turns > 0).then(|| goes_round(name, signal, turns)));
+        notes.extend(turns);
         notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
         Ok((SignalLog { series, account, left_out }, notes))
     }
@@ -187,7 +191,10 @@ impl Context<'_> {
                 notes.push(Note::warning(name, count, format!("{from}: {text}")));
             }
         };
-        say(a.dropped_unreadable, format!("{} {of} unreadable", a.dropped_unreadable));
+        let damaged = a.dropped_unreadable - a.lacking;
+        say(damaged, format!("{damaged} {of} unreadable"));
+        let (field, lacking) = (&a.field, a.lacking);
+        say(lacking, format!("{lacking} {of} have no field {field}, or no number in it"));
         say(a.dropped_nan, format!("{} {of} hold NaN, dropped", a.dropped_nan));
         let repeated = format!("{} {of} repeat a time stamp, dropped", a.dropped_duplicate);
         if a.dropped_duplicate.saturating_mul(1000) >= a.messages {
@@ -266,23 +273,6 @@ fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Acc
         samples.retain(|_| fates.next() == Some(&Fate::Kept));
     }
     seen
-}
-
-/// A whole turn of an angle, in SI.
-fn turn(signal: &SignalMap) -> Option<f64> {
-    let is_angle = ["deg", "degree", "degrees", "°", "rad", "radian", "radians"]
-        .contains(&signal.unit.as_str());
-    is_angle.then_some(2.0 * std::f64::consts::PI * signal.scale.abs())
-}
-
-/// What is said of an angle that was logged within one turn.
-fn goes_round(name: &str, signal: &SignalMap, turns: u64) -> Note {
-    let times = if turns == 1 { "once".to_string() } else { format!("{turns} times") };
-    let text = format!(
-        "{} {}: steps by a whole turn {times}: it goes on beyond one, so that what lies between two samples is the shorter way",
-        signal.topic, signal.field
-    );
-    Note::info(name, turns, text)
 }
 
 /// Spikes that a note tells one by one.

@@ -71,3 +71,43 @@ fn a_heading_goes_on_beyond_north() {
     assert!((values[39].to_degrees() - 364.75).abs() < 1e-9, "{values:?}");
     assert!(texts(&log).iter().any(|text| text.contains("a whole turn once")));
 }
+
+/// What is said of an angle, and its values in radians.
+fn angle(unit: &str, angles: &[f64]) -> (Vec<String>, Vec<f64>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let messages: Vec<(usize, f64)> = angles.iter().map(|x| (0, *x)).collect();
+    written(&path, &[unit], &messages);
+    let log = read(&path, &MAP.replace("\"deg\"", &format!("\"{unit}\""))).expect("read");
+    (
+        texts(&log).iter().map(|text| text.to_string()).collect(),
+        log.signals["x"].series.value.clone(),
+    )
+}
+
+#[test]
+fn fault_degrees_declared_as_radians_keep_their_numbers_and_are_told_of() {
+    let bank: Vec<f64> = (0..300).map(|k| 60.0 * libm::sin(0.125 * f64::from(k)) + 1.5).collect();
+    let (said, values) = angle("rad", &bank);
+    assert_eq!(values, bank);
+    let wanted =
+        ["/t x: runs from -58.", " rad, more than a turn, and steps by", "degrees declared as rad"];
+    assert!(said.len() == 1 && wanted.iter().all(|w| said[0].contains(w)), "{said:?}");
+}
+
+#[test]
+fn an_angle_that_goes_on_beyond_a_turn_already_is_left_as_it_is() {
+    let on: Vec<f64> = (0..300).map(|k| 5.0 + 0.05 * f64::from(k)).collect();
+    assert_eq!(angle("rad", &on), (Vec::new(), on));
+    // from 355 to 365 degrees, to a little beyond a turn
+    let near: Vec<f64> = (0..300).map(|k| 6.2 + 0.001 * f64::from(k)).collect();
+    assert_eq!(angle("rad", &near), (Vec::new(), near));
+}
+
+#[test]
+fn a_heading_that_covers_the_whole_turn_goes_on_beyond_it() {
+    let heading: Vec<f64> = (0..800).map(|k| f64::from(k) % 360.5).collect();
+    let (said, values) = angle("deg", &heading);
+    assert!(said.iter().any(|text| text.contains("a whole turn 2 times")), "{said:?}");
+    assert!(values.windows(2).all(|w| (w[1] - w[0]).abs() < 0.05));
+}

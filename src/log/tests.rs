@@ -161,7 +161,8 @@ fn duplicates_late_messages_nan_bursts_and_gaps_are_counted() {
     assert_eq!(
         texts(&flight),
         [
-            "/t x: 3 of 380 messages unreadable",
+            "/t x: 1 of 380 messages unreadable",
+            "/t x: 2 of 380 messages have no field x, or no number in it",
             "/t x: 12 of 380 messages hold NaN, dropped",
             "/t x: 1 of 380 messages repeat a time stamp, dropped",
             "/t x: 1 of 380 messages out of order, sorted",

@@ -7,7 +7,7 @@
 
 use super::bytes::Bytes;
 use super::chunk::{self, Buffer, open_chunk};
-use super::records::{Definitions, Statistics, op, sound};
+use super::records::{Definitions, Statistics, imported, op, sound};
 use super::window::{Record, Window};
 use crate::error::Result;
 use std::collections::BTreeSet;
@@ -48,6 +48,8 @@ pub(super) struct Walk {
     /// Where the walk stopped.
     pub end: usize,
     pub checksum: Option<(usize, u32)>,
+    /// What the import that wrote the file met.
+    pub imported: Vec<String>,
     /// What follows is read by itself.
     in_summary: bool,
     /// Where the run of sound records began.
@@ -106,6 +108,7 @@ impl Walk {
             op::SCHEMA | op::CHANNEL if !self.in_summary => {
                 self.data.define(code, log.body(record)?.unwrap_or(&[]));
             }
+            op::METADATA => self.imported.extend(imported(log.body(record)?.unwrap_or(&[]))),
             op::CHUNK_INDEX => self.index(log.head(record)?),
             op::STATISTICS => self.statistics = log.body(record)?.and_then(Statistics::parse),
             op::DATA_END => {

@@ -1,6 +1,7 @@
 //! Topics of numbers in, one MCAP file of JSON messages with JSON Schema out: the same input gives
 //! the same bytes.
 
+use super::records::IMPORTED;
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -217,6 +218,20 @@ impl LogWriter {
             next.extend(s.log_time_ns.get(row + 1).map(|&at| entry(at, i, row + 1)));
         }
         Ok(())
+    }
+
+    /// Writes what an import met beside the data, where whoever reads the log is told of it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_notes(&mut self, notes: &[String]) -> Result<()> {
+        if notes.is_empty() {
+            return Ok(());
+        }
+        let numbered = notes.iter().enumerate();
+        let metadata = numbered.map(|(i, note)| (format!("{i:04}"), note.clone())).collect();
+        let record = mcap::records::Metadata { name: IMPORTED.to_string(), metadata };
+        self.writer.write_metadata(&record).map_err(|e| cannot_write(&self.path, e))
     }
 
     /// Writes the summary, forces everything to disk and puts the file in its place.

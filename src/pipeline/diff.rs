@@ -81,7 +81,7 @@ enum Per {
     X,
 }
 
-const WANTED: [Wanted; 6] = [
+const WANTED: [Wanted; 7] = [
     Wanted {
         kind: Kind::Estimate,
         table: "estimates",
@@ -116,6 +116,13 @@ const WANTED: [Wanted; 6] = [
         names: &["validation", "flight", "segment", "output"],
         values: &[],
         words: &["verdict", "noise_verdict"],
+    },
+    Wanted {
+        kind: Kind::Verdict,
+        table: "tolerances",
+        names: &["validation", "flight", "segment", "test", "group", "output", "of"],
+        values: &[],
+        words: &["verdict"],
     },
     Wanted {
         kind: Kind::Verdict,

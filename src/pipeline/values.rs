@@ -102,12 +102,32 @@ impl std::fmt::Display for Change {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         write!(f, "{}: ", self.at)?;
         match (&self.old, &self.new) {
-            (Some(old), Some(new)) => write!(f, "{} -> {}", shown(old, SHOWN), shown(new, SHOWN)),
+            (Some(old), Some(new)) => {
+                let [old, new] = apart(&old.to_string(), &new.to_string());
+                write!(f, "{old} -> {new}")
+            }
             (Some(old), None) => write!(f, "was there and is not now: {}", shown(old, SHOWN)),
             (None, Some(new)) => write!(f, "is new: {}", shown(new, SHOWN)),
             (None, None) => Ok(()),
         }
     }
+}
+
+/// Characters that two long values have in common which are shown before they differ.
+const COMMON: usize = 80;
+
+/// Two values that differ, on one line each: where they are long, from a little before the place at which they
+/// differ.
+fn apart(old: &str, new: &str) -> [String; 2] {
+    let common = old.chars().zip(new.chars()).take_while(|(a, b)| a == b).count();
+    let long = [old, new].iter().any(|text| text.chars().count() > SHOWN);
+    let from = if long { common.saturating_sub(COMMON) } else { 0 };
+    [old, new].map(|text| {
+        let before = if from > 0 { "... " } else { "" };
+        let behind = if text.chars().count() > from + SHOWN { " ..." } else { "" };
+        let shown: String = text.chars().skip(from).take(SHOWN).collect();
+        format!("{before}{shown}{behind}")
+    })
 }
 
 /// A value on one line of at most so many characters.
@@ -137,6 +157,14 @@ mod tests {
         );
         assert_eq!(words(json!([1, 2]), json!([2])), [": was there and is not now: 1"]);
         assert_eq!(words(json!(0.3), json!(0.31)), [": 0.3 -> 0.31"]);
+    }
+
+    #[test]
+    fn long_values_are_told_from_where_they_differ() {
+        let of = |end: &str| json!(format!("{}{end}", "x".repeat(1000)));
+        let [line] = &words(of("share: 0.1"), of("share: 0.02"))[..] else { panic!("one line") };
+        assert!(line.contains("xshare: 0.1\" -> ... xx"), "{line}");
+        assert!(line.ends_with("xshare: 0.02\"") && line.len() < 250, "{line}");
     }
 
     #[test]

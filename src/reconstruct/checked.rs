@@ -49,6 +49,7 @@ pub fn checks<'s>(
         let Usable { unfit, driving, measured } = usable;
         return Ok(Checked { checks: path.checks, notes: path.notes, unfit, driving, measured });
     }
+    let usable = usable.following(model, driving, settings, &mut path)?;
     let plain =
         Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
     let coarse = Grid::covering(grid.t0, grid.time(grid.n - 1), 1.0 / COARSE_HZ);

@@ -133,7 +133,8 @@ pub fn misfit(
     sum(|c| c.square) / sum(|c| c.count as f64).max(1.0)
 }
 
-fn leave_out(smoother: &Smoother, levels: &mut Levels, which: Which) {
+/// Noise levels with which a channel says nothing.
+pub fn leave_out(smoother: &Smoother, levels: &mut Levels, which: Which) {
     match which {
         Which::Output(k) => levels.r[k] = f64::INFINITY,
         Which::Input(k) => {
@@ -168,10 +169,13 @@ fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64;
             let part = [from + each * i as f64, from + each * (i + 1) as f64];
             let (a, b) =
                 (t.partition_point(|&x| x < part[0]), t.partition_point(|&x| x <= part[1]));
-            let z: Vec<f64> = y[a..b].iter().copied().filter(|z| z.is_finite()).collect();
-            if z.len() > 20 {
-                let steps: Vec<f64> = z.windows(11).map(|w| w[10] - w[0]).collect();
-                let square = steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64;
+            let z = &y[a..b];
+            let known = z.iter().filter(|z| z.is_finite()).count();
+            // What is masked for the most part says little.
+            if known > 20 && 2 * known >= z.len() {
+                let steps = z.windows(11).map(|w| w[10] - w[0]);
+                let steps: Vec<f64> = steps.filter(|step| step.is_finite()).collect();
+                let square = steps.iter().map(|s| s * s).sum::<f64>() / steps.len().max(1) as f64;
                 found.push((square, part));
             }
         }

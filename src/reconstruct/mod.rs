@@ -15,7 +15,7 @@
 //! | turbulence | gusts as random walks of the velocities, their size estimated | not part of the model |
 //! | standard deviations | of every signal along the path, and of the sensor errors | of the sensor errors |
 //!
-//! Either way every channel is first checked by itself, gyros against the attitude (`axes`), and each
+//! Either way every channel is first checked by itself, outputs for where they stand still while the others move (`stuck`), gyros against the attitude (`axes`), and each
 //! against all others (`consistency`, by the smoother).
 //!
 //! `alphadot`-like quantities come from the model's own rates (`udot`, `wdot`), never from
@@ -26,12 +26,14 @@ mod airspeed;
 mod axes;
 mod checked;
 pub mod consistency;
+mod following;
 mod found;
 mod gyros;
 mod health;
 mod output_error;
 mod pairs;
 mod path;
+mod plausible;
 mod sensor_errors;
 mod settings;
 mod signals;
@@ -39,6 +41,7 @@ mod slow;
 mod smoothed;
 pub mod smoother;
 mod stretches;
+mod stuck;
 mod survey;
 pub mod taken;
 #[cfg(test)]

@@ -3,11 +3,11 @@
 use super::consistency::Row;
 use super::found::{Found, Held};
 use super::path::Bias;
+use super::plausible;
 use super::smoother::Smoothed;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::survey::{SIGNIFICANT, UNKNOWN};
-use super::verdicts;
 use crate::math::distribution::INTERVAL_95;
 use crate::model::{Parameter, Quantity};
 
@@ -31,9 +31,9 @@ pub fn estimated(
         let known = sd < UNKNOWN * levels.start_sd[nx + k];
         let Quantity { name, unit, .. } = &parameter.quantity;
         if let Some(sensor) = sensor(kinematics, name) {
-            rows.extend(verdicts::bias_row(&sensor, unit, (value, sd)));
+            rows.extend(plausible::bias_row(&sensor, unit, (value, sd)));
         }
-        rows.extend(verdicts::error_row(name, parameter.start, unit, (value, sd)));
+        rows.extend(plausible::error_row(name, parameter.start, unit, (value, sd)));
         let verdict = match (known, (value - parameter.start).abs() > SIGNIFICANT * sd) {
             (false, _) => "not observable",
             (true, true) => "significant",

@@ -71,6 +71,7 @@ pub fn path(
     if usable.unfit {
         return Ok(path);
     }
+    let usable = usable.following(model, driving, settings, &mut path)?;
     let (driving, measured) = usable.series(driving);
     Ok(smooth(model, &driving, measured, grid, settings, path)?.0)
 }

@@ -5,8 +5,12 @@ use std::borrow::Cow;
 use super::consistency::inertial;
 use super::health;
 use super::path::{FlightPath, Note};
+use super::plausible;
+use super::settings::Settings;
 use super::signals::{Logged, Series};
+use super::stuck;
 use super::verdicts;
+use crate::error::Errors;
 use crate::model::{Model, Quantity};
 
 /// A sensor with fewer samples is not used: its noise cannot be told.
@@ -31,6 +35,23 @@ impl<'s> Usable<'s> {
             driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect(),
             measured.collect(),
         )
+    }
+
+    /// The same without what is stuck while others say that it moves.
+    ///
+    /// # Errors
+    /// The model is none that the smoother can run.
+    pub fn following(
+        mut self,
+        model: &Model,
+        driving: &[Series],
+        settings: &Settings,
+        path: &mut FlightPath,
+    ) -> Result<Self, Errors> {
+        let driving: Vec<Series> =
+            driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect();
+        stuck::mask(model, &driving, &mut self.measured, settings, path)?;
+        Ok(self)
     }
 }
 
@@ -70,7 +91,7 @@ fn well<'n, 's>(
         let (name, mut y) = (&quantity.name, Cow::Borrowed(*y));
         let health = health::health(t, &y);
         path.checks.extend(verdicts::health_rows(name, &health, moves));
-        path.checks.extend(verdicts::temperature_row(name, &quantity.unit, &y));
+        path.checks.extend(plausible::air_row(name, &quantity.unit, &y));
         if moves && health.dead {
             y.to_mut().fill(f64::NAN);
             good = false;

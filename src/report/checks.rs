@@ -17,8 +17,8 @@ use super::lines::EXCESS;
 use super::place::{Form, On};
 use super::section::{Body, Given, Section};
 use super::{
-    adequacy, consistency, diagnosis, estimates, flights, lines, logs, repeats, signs, still,
-    tolerances,
+    adequacy, consistency, diagnosis, doubts, estimates, flights, lines, logs, repeats, signs,
+    still, tolerances,
 };
 use crate::error::Result;
 use serde::Serialize;
@@ -34,11 +34,13 @@ pub const SECTION: Section = Section {
         "consistency",
         "segments",
         "estimates",
+        "doubts",
         "adequacy",
         "correlations",
         "responses",
         "repeats",
         "fits",
+        "points",
         "tolerances",
         "findings",
     ],
@@ -47,7 +49,7 @@ pub const SECTION: Section = Section {
 
 /// Tables of which the page of a flight says nothing here: their own sections are about the campaign. A
 /// page that read them would be made again whenever any flight moves a line.
-pub const OF_THE_CAMPAIGN: [&str; 3] = ["fits", "repeats", "findings"];
+pub const OF_THE_CAMPAIGN: [&str; 4] = ["fits", "points", "repeats", "findings"];
 
 /// The section that leads to the pages of the flights.
 pub const LIST: &str = "list";
@@ -166,11 +168,12 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (by_hand(get("segments")), "flights", "segments"),
         (estimates::convergence(get("estimates")), "estimates", "estimates"),
         (signs::summary(get("estimates")), "estimates", "estimates"),
+        (doubts::summary(get("doubts")), "uncertainty", "doubts"),
         (adequacy::summary(get("adequacy")), "matches", "matches"),
         (estimates::colour(get("estimates")), "estimates", "estimates"),
         (estimates::separation(get("correlations")), "correlations", "correlations"),
         (repeats::honesty(get("repeats")), "uncertainty", "repeats"),
-        (scatter(get("fits")), "fits", "fits"),
+        (scatter(get("fits"), get("points")), "fits", "fits"),
         (few_points(get("fits")), "fits", "fits"),
         (tolerances::summary(get("tolerances")), "validation", "tolerances"),
         (diagnosis::summary(get("findings"), get("estimates")), "verdict", "verdict"),
@@ -210,7 +213,12 @@ pub fn problems(checks: &[Check]) -> Vec<String> {
 /// The sentences that are worth a look and that no note of a stage says.
 pub fn looks(tables: &BTreeMap<String, Columns>) -> Vec<String> {
     let get = |table: &str| tables.get(table);
-    let answers = [consistency::summary(get("consistency")), signs::summary(get("estimates"))];
+    let answers = [
+        consistency::summary(get("consistency")),
+        signs::summary(get("estimates")),
+        estimates::colour(get("estimates")),
+        scatter(get("fits"), get("points")),
+    ];
     let is_look = |(level, text): (Level, String)| (level == Level::Warn).then_some(text);
     answers.into_iter().flatten().filter_map(is_look).collect()
 }
@@ -248,13 +256,16 @@ fn by_hand(segments: Option<&Columns>) -> Option<(Level, String)> {
 }
 
 /// Scatter between maneuvers beyond what the estimates' own sd explain.
-fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
+fn scatter(fits: Option<&Columns>, points: Option<&Columns>) -> Option<(Level, String)> {
     let fits = fits.filter(|f| f.rows() > 0)?;
     let excess = |row: &usize| lines::reduced_chi2(fits, *row) > EXCESS;
     let names: Vec<String> = (0..fits.rows())
         .filter(excess)
         .map(|r| {
-            format!("{} ({})", fits.text("parameter", r), number(lines::reduced_chi2(fits, r), 2))
+            let furthest = points.and_then(|points| lines::furthest(fits, r, points));
+            let furthest = furthest.map_or(String::new(), |name| format!(", {name} furthest"));
+            let chi2 = number(lines::reduced_chi2(fits, r), 2);
+            format!("{} ({chi2}{furthest})", fits.text("parameter", r))
         })
         .collect();
     Some(if names.is_empty() {

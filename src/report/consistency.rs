@@ -70,8 +70,16 @@ const GROSS: f64 = 10.0;
 /// What it does in this share of the flights, and in several, is no matter of one flight's air.
 const OFTEN: f64 = 0.75;
 /// Verdicts that name the culprit: others of the flight may be held against it, and be wrong for that.
-const CERTAIN: [&str; 7] =
-    ["sign reversed", "exchanged", "another unit", "implausible", "dead", "frozen", "saturated"];
+const CERTAIN: [&str; 8] = [
+    "sign reversed",
+    "exchanged",
+    "another unit",
+    "implausible",
+    "dead",
+    "frozen",
+    "stuck",
+    "saturated",
+];
 /// A channel of which more than this share is rejected does not fit with the others.
 const MOST_REJECTED: f64 = 0.1;
 
@@ -186,7 +194,12 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     let unknown = |row: &usize| table.text("verdict", *row) == NOT_COMPARED;
     let unknown: Vec<String> = (0..table.rows())
         .filter(unknown)
-        .map(|row| format!("{} {}", table.text("flight", row), table.text("channel", row)))
+        .map(|row| {
+            let of = format!("{} {}", table.text("flight", row), table.text("channel", row));
+            // What else is asked of the channel was compared.
+            let is_level = table.text("check", row) == "level";
+            if is_level { format!("the level of {of}") } else { of }
+        })
         .collect();
     let agrees = match unknown.len() {
         0 => "Every channel agrees with what the other sensors say of it".to_string(),

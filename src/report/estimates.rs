@@ -283,7 +283,11 @@ pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
         (0..table.rows()).map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
     ratios.sort_by(f64::total_cmp);
     let (median, most) = (*ratios.get(ratios.len() / 2)?, *ratios.last()?);
+    let level = if most > ABSURD { Level::Warn } else { Level::Info };
     let tail = match (median > COLOURED, most > COLOURED) {
+        _ if most > ABSURD => {
+            "no colour makes so much of it: the weights of outputs that go together are nearly singular (`noise = \"full\"`?), and such standard deviations say nothing."
+        }
         (true, _) => {
             "the residuals are coloured, and the plain bound would be too optimistic by that factor."
         }
@@ -291,7 +295,7 @@ pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
         (false, false) => "the residuals are close to white.",
     };
     Some((
-        Level::Info,
+        level,
         format!(
             "The standard deviations are {} times the plain Cramér-Rao bound (median; {} at most): {tail}",
             number(median, 2),
@@ -300,6 +304,9 @@ pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
     ))
 }
 
+/// More than so many times the plain bound, and a standard deviation says nothing. *Convention*: slow errors of
+/// sensors in long records make some tens.
+const ABSURD: f64 = 200.0;
 /// More than so many times the plain bound, and residuals are not close to white.
 const COLOURED: f64 = 1.5;
 

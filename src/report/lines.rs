@@ -303,6 +303,19 @@ pub fn reduced_chi2(fits: &Columns, row: usize) -> f64 {
     if freedom > 0.0 { fits.number("chi2", row) / freedom } else { f64::NAN }
 }
 
+/// The maneuver whose point is furthest from a line, by the table `points`.
+pub fn furthest(fits: &Columns, row: usize, points: &Columns) -> Option<String> {
+    let of = ["model", "parameter", "against"];
+    let is_of = |point: &usize| of.iter().all(|c| points.text(c, *point) == fits.text(c, row));
+    let (slope, start) = (fits.number("slope", row), fits.number("intercept", row));
+    let off = |point: usize| {
+        (points.number("value", point) - start - slope * points.number("x", point)).abs()
+    };
+    let known = (0..points.rows()).filter(is_of).filter(|point| off(*point).is_finite());
+    let furthest = known.max_by(|&a, &b| off(a).total_cmp(&off(b)))?;
+    Some(points.text("segment", furthest))
+}
+
 /// Correlation of slope and intercept of a fitted line; NaN where it is not defined.
 fn correlation(fits: &Columns, row: usize) -> f64 {
     fits.number("covariance", row)

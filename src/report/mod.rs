@@ -36,6 +36,7 @@ mod columns;
 mod consistency;
 mod correlations;
 mod diagnosis;
+mod doubts;
 mod equations;
 mod estimates;
 mod figures;

@@ -1,7 +1,8 @@
-//! `budget`, `separability`, `repeats`, `profiles` and `estimates` in, what a reader should know of
+//! `budget`, `doubts`, `separability`, `repeats`, `profiles` and `estimates` in, what a reader should know of
 //! the uncertainties out.
 
 use super::columns::Columns;
+use super::doubts::doubts;
 use super::format::{bracketed, count, number, plus_minus, shorts};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
@@ -15,7 +16,7 @@ pub const SECTION: Section = Section {
     id: "uncertainty",
     heading: "What the uncertainties are made of",
     on: On::Index,
-    tables: &["budget", "separability", "repeats", "profiles", "estimates"],
+    tables: &["budget", "doubts", "separability", "repeats", "profiles", "estimates"],
     build,
 };
 
@@ -32,6 +33,7 @@ fn build(given: &Given) -> Result<Option<Body>> {
 pub struct Uncertainty {
     pub budget: Grid,
     pub assumed: Grid,
+    pub doubts: Grid,
     pub separability: Grid,
     pub repeats: Grid,
     pub profiles: Vec<Caption>,
@@ -65,6 +67,7 @@ fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, V
         Uncertainty {
             budget: budget(get("budget")),
             assumed: assumed(get("budget")),
+            doubts: doubts(get("doubts")),
             separability: separability(get("separability")),
             repeats: repeats(get("repeats")),
             profiles,

@@ -110,11 +110,18 @@ fn noise(rows: &Columns) -> Option<String> {
     let of = |verdict: &str| {
         (0..rows.rows()).filter(|&row| rows.text("noise_verdict", row) == verdict).count()
     };
-    let (noise, more) = (of("noise"), of("more than noise"));
-    (noise + more > 0).then(|| {
+    let (noise, left, more) = (of("noise"), of("as the estimate leaves"), of("more than noise"));
+    let all = noise + left + more;
+    let as_left = match left {
+        0 => String::new(),
+        _ => format!(
+            " In {left} as much is left as the estimate leaves of its own maneuvers, which is more than the sensor's noise."
+        ),
+    };
+    (all > 0).then(|| {
         format!(
-            " In {noise} of {} nothing is left but the sensor's noise.",
-            count(noise + more, "output")
+            " In {noise} of {} nothing is left but the sensor's noise.{as_left}",
+            count(all, "output")
         )
     })
 }

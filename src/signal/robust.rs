@@ -32,12 +32,13 @@ pub fn noise_sd(y: &[f64]) -> f64 {
     fast.max(if step.is_finite() { step / 12f64.sqrt() } else { 0.0 })
 }
 
-/// The same of a signal that may be commanded, one of a few levels: these are exact, and no rounding.
+/// The same of a signal that may be commanded, one of a few levels or of ramps: these are exact, and no
+/// rounding.
 pub fn commanded_sd(y: &[f64]) -> f64 {
     let known = || y.iter().filter(|v| v.is_finite());
     let range = known().fold(f64::NEG_INFINITY, |m, v| m.max(*v))
         - known().fold(f64::INFINITY, |m, v| m.min(*v));
-    match least_step(y) > range / LEVELS {
+    match least_step(y) > range / LEVELS || is_ramped(y) {
         true => fast_sd(y).unwrap_or(0.0),
         false => noise_sd(y),
     }
@@ -45,6 +46,25 @@ pub fn commanded_sd(y: &[f64]) -> f64 {
 
 /// A signal that is rounded has so many steps of its resolution at least, one that is commanded fewer.
 const LEVELS: f64 = 4.0;
+
+/// Two steps are the same but for this share.
+const SAME: f64 = 1e-6;
+
+/// Whether a signal moves at a constant rate where it moves: most of its steps have one of the same size beside
+/// them. One that is rounded steps now and then.
+fn is_ramped(y: &[f64]) -> bool {
+    let steps: Vec<f64> = y.windows(2).map(|w| w[1] - w[0]).collect();
+    let same = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs();
+    let moves = |i: &usize| steps[*i].is_finite() && steps[*i] != 0.0;
+    let beside = |i: &usize| {
+        let before = i.checked_sub(1).is_some_and(|k| same(steps[*i], steps[k]));
+        before || steps.get(i + 1).is_some_and(|next| same(steps[*i], *next))
+    };
+    let (all, alike) = (0..steps.len())
+        .filter(moves)
+        .fold((0, 0), |(all, alike), i| (all + 1, alike + usize::from(beside(&i))));
+    2 * alike > all
+}
 
 /// By the third differences alone; none for fewer than four neighbouring values.
 fn fast_sd(y: &[f64]) -> Option<f64> {
@@ -97,6 +117,10 @@ mod tests {
         assert!((noise_sd(&moving) - 0.2).abs() < 0.015, "{}", noise_sd(&moving));
         let steps: Vec<f64> = (0..100).map(|i| [0.0, 0.04, -0.04][i / 10 % 3]).collect();
         assert!(commanded_sd(&steps) < 1e-15 && noise_sd(&steps) > 0.01);
+        // Ramps of a surface with a constant rate are no rounding, slow motion that is rounded is.
+        let ramps = |i: usize| (0.25 * (i % 40) as f64 - 2.0).clamp(-0.4, 1.1);
+        let ramps: Vec<f64> = (0..200).map(ramps).collect();
+        assert!(commanded_sd(&ramps) < 1e-12 && noise_sd(&ramps) > 0.01, "{}", noise_sd(&ramps));
         let coarse: Vec<f64> = (0..1000).map(|i| (0.01 * f64::from(i)).floor()).collect();
         assert!((noise_sd(&coarse) - 1.0 / 12f64.sqrt()).abs() < 1e-12);
         assert_eq!(commanded_sd(&coarse), noise_sd(&coarse));

@@ -130,7 +130,7 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 35] = [
+const THREADS: [(&str, &str); 38] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
@@ -138,17 +138,20 @@ const THREADS: [(&str, &str); 35] = [
     ("estimate/influential.rs", "segments of one estimate, once at its end"),
     ("estimate/neighbours.rs", "segments of one estimate, each alone"),
     ("estimate/noisy_starts.rs", "segments of one estimate, once at its end"),
+    ("estimate/together.rs", "segments of one estimate, once at its end"),
     ("estimate/profile.rs", "the two sides of an interval of one estimate"),
     ("stage/estimate/mod.rs", "groups of maneuvers of one estimate, whose sums go to the engine"),
     ("stage/inputs.rs", "files of one table, which one unit reads"),
     ("stage/validate/mod.rs", "runs of one maneuver, whose sums go to the engine"),
     ("log/flight.rs", "signals of one log"),
+    ("log/listing.rs", "parts of one log"),
     ("log/inspect.rs", "chunks of one log"),
     ("log/parts.rs", "chunks of one log"),
     ("reconstruct/consistency.rs", "stretches of one flight"),
     ("reconstruct/output_error.rs", "windows of one flight"),
     ("reconstruct/smoothed.rs", "suspects of one flight"),
     ("reconstruct/stretches.rs", "stretches of one flight"),
+    ("reconstruct/stuck.rs", "outputs of one flight"),
     ("diagnose/base/frozen.rs", "maneuvers of one diagnosis"),
     ("diagnose/base/spread.rs", "maneuvers of one diagnosis"),
     ("diagnose/base/training.rs", "maneuvers of one diagnosis"),

@@ -20,6 +20,7 @@ mod points;
 mod shifts;
 mod skewed;
 mod starts;
+mod together;
 
 use super::{Settings, neighbours::Known, solution::Solution, solution::solve};
 use crate::least_squares::{Block, Layout};

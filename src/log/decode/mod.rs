@@ -10,7 +10,8 @@ mod protobuf;
 
 use super::channel::Channel;
 
-pub use encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, is_unreadable};
+pub(super) use encoding::Gathered;
+pub use encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, is_damaged, is_unreadable};
 
 /// Everything that can be decoded.
 const ENCODINGS: &[Encoding] = &[json::ENCODING, protobuf::ENCODING, cdr::ENCODING];

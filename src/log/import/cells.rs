@@ -15,15 +15,20 @@ pub struct Row<'a> {
     /// All of it, with the end of its last line.
     pub text: &'a str,
     pub cells: &'a [&'a str],
+    /// Blank lines between the row before it and this one.
+    pub blank: usize,
 }
 
 /// Calls `each` with every row that is not blank, as long as it says to go on.
 pub fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(Row) -> bool) {
+    let mut blanks = Blanks::default();
     let Some(by) = separator.byte() else {
         let mut start = 0;
         for line in text.split_inclusive('\n') {
             let cells: Vec<&str> = line.split_whitespace().collect();
-            if !cells.is_empty() && !each(Row { start, text: line, cells: &cells }) {
+            if cells.is_empty() {
+                blanks.add(1);
+            } else if !each(Row { start, text: line, cells: &cells, blank: blanks.end() }) {
                 return;
             }
             start += line.len();
@@ -42,12 +47,43 @@ pub fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(Row) -> b
         let to = reader.position().byte() as usize;
         // Blank lines before a row count as its beginning.
         let row = text.get(from..to).unwrap_or("").trim_start_matches(['\r', '\n']);
+        let start = to - row.len();
+        blanks.add(blank_lines(text, from, start));
         let cells: Vec<&str> = record.iter().collect();
-        let row = Row { start: to - row.len(), text: row, cells: &cells };
-        if cells != [""] && !each(row) {
+        if cells == [""] {
+            blanks.add(1);
+        } else if !each(Row { start, text: row, cells: &cells, blank: blanks.end() }) {
             return;
         }
     }
+}
+
+/// Blank lines since the last row; before the first row there are none that count.
+#[derive(Default)]
+struct Blanks {
+    behind_a_row: bool,
+    count: usize,
+}
+
+impl Blanks {
+    fn add(&mut self, lines: usize) {
+        self.count += if self.behind_a_row { lines } else { 0 };
+    }
+
+    /// Their number, where a row ends them.
+    fn end(&mut self) -> usize {
+        self.behind_a_row = true;
+        std::mem::take(&mut self.count)
+    }
+}
+
+/// The ends of lines from `from` to `start`. The reader stops between the two letters of one that has
+/// two: the second is no line of its own.
+fn blank_lines(text: &str, from: usize, start: usize) -> usize {
+    let ends = text.get(from..start).unwrap_or("");
+    let is_cut = text.get(..from).is_some_and(|before| before.ends_with('\r'));
+    let ends = ends.strip_prefix('\n').filter(|_| is_cut).unwrap_or(ends);
+    ends.len() - ends.matches("\r\n").count()
 }
 
 /// Where a cell of a line begins, in letters from 1; behind the line where it has no such cell.
@@ -111,5 +147,27 @@ impl Separator {
             Separator::Semicolon => Some(b';'),
             Separator::Tab => Some(b'\t'),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blank_lines_between_rows_are_counted_whatever_ends_them() {
+        let blank = |separator, text: &str| {
+            let mut all = Vec::new();
+            each_row(separator, text, &mut |row| {
+                all.push(row.blank);
+                true
+            });
+            all
+        };
+        for end in ["\n", "\r\n", "\r"] {
+            let text = "\n\n1\n2\n\n3\n  \n\n\"\"\n4\n5\n\n".replace('\n', end);
+            assert_eq!(blank(Separator::Comma, &text), [0, 0, 1, 3, 0], "{end:?}");
+        }
+        assert_eq!(blank(Separator::Whitespace, "\n1 2\r\n \r\n\r\n3 4\r\n5 6\n\n"), [0, 2, 0]);
     }
 }

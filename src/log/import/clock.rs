@@ -6,6 +6,9 @@ use crate::units::Unit;
 /// Days that programs count, by name: the number of 1970-01-01.
 const DAYS: [(&str, f64); 2] = [("excel", 25_569.0), ("datenum", 719_529.0)];
 
+/// The unit of times of day.
+pub const TIME_OF_DAY: &str = "hh:mm:ss";
+
 /// How times become stamps.
 #[derive(Debug, Clone)]
 pub struct Clock {
@@ -34,7 +37,7 @@ impl Clock {
         let days = DAYS.iter().find(|(name, _)| *name == unit);
         let of = match (unit, days) {
             ("iso8601", _) => Of::Dates,
-            ("hh:mm:ss", _) => Of::Times,
+            (TIME_OF_DAY, _) => Of::Times,
             (_, Some((_, first))) => Of::Days(*first),
             _ => Of::Numbers(in_seconds(unit)?),
         };

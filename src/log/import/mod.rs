@@ -7,10 +7,15 @@ mod find;
 mod letters;
 mod level5;
 mod mat;
+mod midnight;
 mod parquet;
 mod rows;
 mod settings;
 mod settle;
+mod spans;
+mod steps;
+#[cfg(test)]
+mod tests;
 mod text;
 mod ulog;
 mod width;
@@ -102,7 +107,7 @@ fn convert(
 ) -> Result<Imported, Errors> {
     let Read { mut topics, mut notes } = read(settings, doc, source).map_err(|e| of(e, source))?;
     for (topic, rows) in settings.topic.iter().zip(&mut topics) {
-        let settled = rows.settle(&topic.name);
+        let settled = rows.settle(&topic.name, settings.day_of(topic));
         notes.extend(
             settled.map_err(|what| Error::at(Place::file(source.path.to_string_lossy()), what))?,
         );
@@ -111,12 +116,14 @@ fn convert(
             return Err(Error::at(Place::file(source.path.to_string_lossy()), what).into());
         }
     }
-    if let Some(what) = apart(settings, &topics) {
+    let spans = spans::of(settings, &topics);
+    if let Some(what) = spans::apart(&spans) {
         return Err(Error::at(Place::file(source.path.to_string_lossy()), what)
             .help("topics of a log share one clock: `start_s` of a topic's time says when its column is zero, in seconds since 1970")
             .into());
     }
-    write(settings, &topics, &output)?;
+    notes.extend(spans::strangers(&spans));
+    write(settings, &topics, &notes, &output)?;
     Ok(Imported {
         input: source.path.clone(),
         output,
@@ -125,30 +132,6 @@ fn convert(
         topics: topics.len(),
         fields: settings.topic.iter().map(|t| t.fields.len()).sum(),
         notes,
-    })
-}
-
-/// Topics further apart than this were never recorded together, s.
-const A_DAY: f64 = 86_400.0;
-
-/// Whether a topic begins more than a day after another has ended, in words.
-fn apart(settings: &Import, topics: &[Rows]) -> Option<String> {
-    let spans = || {
-        settings.topic.iter().zip(topics).filter_map(|(topic, rows)| {
-            Some((topic.name.as_str(), *rows.stamp.first()?, *rows.stamp.last()?))
-        })
-    };
-    let (early, _, end) = spans().min_by_key(|(_, _, end)| *end)?;
-    let (late, begin, _) = spans().max_by_key(|(_, begin, _)| *begin)?;
-    let seconds = |ns: u64| ns as f64 * 1e-9;
-    let between = seconds(begin.saturating_sub(end));
-    (between > A_DAY).then(|| {
-        format!(
-            "topic \"{late}\" begins at {:.0} s since 1970, and \"{early}\" has ended at {:.0} s, {:.0} days before",
-            seconds(begin),
-            seconds(end),
-            between / A_DAY
-        )
     })
 }
 
@@ -197,7 +180,7 @@ fn read(settings: &Import, doc: &Doc, source: &Source) -> Result<Read, Errors> {
     Ok(read)
 }
 
-fn write(settings: &Import, topics: &[Rows], output: &Path) -> Result<(), Error> {
+fn write(settings: &Import, topics: &[Rows], notes: &[String], output: &Path) -> Result<(), Error> {
     let mut log = LogWriter::create(output)?;
     let add = |t: &settings::Topic| {
         let fields: Vec<FieldSpec> =
@@ -214,5 +197,6 @@ fn write(settings: &Import, topics: &[Rows], output: &Path) -> Result<(), Error>
         })
         .collect();
     log.write_streams(&streams)?;
+    log.write_notes(notes)?;
     log.finish()
 }

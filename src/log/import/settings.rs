@@ -1,6 +1,7 @@
 //! The settings of an import: what a description says of its files and of the logs that become of
 //! them.
 
+use super::clock::TIME_OF_DAY;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -173,5 +174,12 @@ impl Import {
     /// The time of a topic, and whether it is its own.
     pub fn time_of<'a>(&'a self, topic: &'a Topic) -> (Option<&'a Time>, bool) {
         (topic.time.as_ref().or(self.time.as_ref()), topic.time.is_some())
+    }
+
+    /// The start of the day of a topic whose clock tells the time of day, s since 1970; none for other
+    /// clocks.
+    pub fn day_of(&self, topic: &Topic) -> Option<f64> {
+        let time = self.time_of(topic).0?;
+        (time.unit.as_deref() == Some(TIME_OF_DAY)).then_some(time.start_s)
     }
 }

@@ -1,7 +1,9 @@
 //! The rows of one topic as a file has them, in; the same in the order of time, without those that are none
 //! of the topic or came twice, and what there is to say of it, out.
 
+use super::midnight::carried_on;
 use super::rows::Rows;
+use super::steps::{lacking, usual};
 use crate::log::turned::{Back, turned_back};
 
 /// What clocks count that begin anew, s: a day, a week of GPS, 32 bits of microseconds and of
@@ -21,13 +23,17 @@ const TWICE: f64 = 0.1;
 const HOLE: f64 = 2.5;
 
 impl Rows {
-    /// Puts the rows in the order of their stamps. `topic`: its name.
+    /// Puts the rows in the order of their stamps. `topic`: its name; `day_s`: where its clock tells the
+    /// time of day, the start of the day, s since 1970.
     ///
     /// # Errors
     /// In words: too many rows are of a time that came twice.
-    pub fn settle(&mut self, topic: &str) -> Result<Vec<String>, String> {
+    pub fn settle(&mut self, topic: &str, day_s: Option<f64>) -> Result<Vec<String>, String> {
         let mut notes = Vec::new();
-        notes.extend(self.begin_anew().map(|note| format!("topic {topic}: {note}")));
+        let midnight = day_s.and_then(|day_s| carried_on(&mut self.stamp, day_s));
+        let anew = midnight.or_else(|| self.begin_anew());
+        notes.extend(anew.map(|note| format!("topic {topic}: {note}")));
+        notes.extend(self.lacking().map(|note| format!("topic {topic}: {note}")));
         self.without_values();
         let times = self.times();
         let twice = turned_back(&times, |a, b| self.of(a) == self.of(b));
@@ -98,10 +104,21 @@ impl Rows {
         ))
     }
 
+    fn has_value(&self, row: usize) -> bool {
+        self.of(row).iter().any(|v| !v.is_nan())
+    }
+
+    /// How many rows lack a value, in words: those that are left out are seen nowhere later.
+    fn lacking(&self) -> Option<String> {
+        let count = lacking(&self.times(), |row| self.has_value(row));
+        let all = self.stamp.len();
+        (count > 0).then(|| format!("{count} of {all} rows have no value of it where one was due"))
+    }
+
     /// Leaves out rows without any value: of a file in which each clock has rows of its own, most are of
     /// other topics. In a hole they stay, as what tells that there is one.
     fn without_values(&mut self) {
-        let has_value = |&row: &usize| self.of(row).iter().any(|v| !v.is_nan());
+        let has_value = |&row: &usize| self.has_value(row);
         let times = self.times();
         let mut with: Vec<i64> = (0..times.len()).filter(has_value).map(|row| times[row]).collect();
         with.sort_unstable();
@@ -117,14 +134,6 @@ impl Rows {
             self.take(&stay);
         }
     }
-}
-
-/// The middle one of the steps forward.
-fn usual(times: &[i64]) -> Option<i64> {
-    let steps = times.windows(2).map(|w| w[1].saturating_sub(w[0]));
-    let mut steps: Vec<i64> = steps.filter(|step| *step > 0).collect();
-    let middle = steps.len() / 2;
-    (!steps.is_empty()).then(|| *steps.select_nth_unstable(middle).1)
 }
 
 fn set_back(times: &[i64], back: &Back) -> String {
@@ -153,7 +162,7 @@ mod tests {
             let t = 86_399.0 + 0.02 * f64::from(k);
             (t % 86_400.0, f64::from(k))
         }));
-        let notes = midnight.settle("/t").expect("it goes on");
+        let notes = midnight.settle("/t", None).expect("it goes on");
         assert!(notes[0].contains("a day is added") && notes.len() == 1, "{notes:?}");
         assert!(values(&midnight).is_sorted() && midnight.stamp.is_sorted());
         assert_eq!(midnight.stamp.len(), 100);
@@ -166,7 +175,8 @@ mod tests {
             if k % 2 == 1 || (40..60).contains(&k) { f64::NAN } else { f64::from(k) }
         };
         let mut own = rows((0..100).map(|k| (0.01 * f64::from(k), value(k))));
-        assert_eq!(own.settle("/t").expect("nothing is twice"), Vec::<String>::new());
+        let notes = own.settle("/t", None).expect("nothing is twice");
+        assert_eq!(notes, ["topic /t: 21 of 100 rows have no value of it where one was due"]);
         let known = values(&own).iter().filter(|v| !v.is_nan()).count();
         assert_eq!((known, own.stamp.len()), (40, 40 + 21 + 1));
         // one below the other, at times between each other
@@ -175,7 +185,8 @@ mod tests {
             (0..100).map(|k| (0.4 + f64::from(k), f64::NAN)),
         );
         let mut stacked = rows(a.chain(b));
-        stacked.settle("/t").expect("those of the other are none");
+        let notes = stacked.settle("/t", None).expect("those of the other are none");
+        assert_eq!(notes, Vec::<String>::new());
         assert_eq!(stacked.stamp.len(), 101);
     }
 
@@ -183,11 +194,11 @@ mod tests {
     fn a_file_of_two_runs_is_refused_and_a_shuffled_one_is_sorted() {
         let run = || (0..300).map(|k| (0.02 * f64::from(k), f64::from(k)));
         let second = run().map(|(t, v)| (t, -v));
-        let error = rows(run().chain(second)).settle("/t").expect_err("all came twice");
+        let error = rows(run().chain(second)).settle("/t", None).expect_err("all came twice");
         assert!(error.contains("after row 300") && error.contains("600 of 600 rows"), "{error}");
         let mut shuffled =
             rows((0..600).map(|k| (f64::from(k * 331 % 600), f64::from(k * 331 % 600))));
-        let notes = shuffled.settle("/t").expect("nothing is twice");
+        let notes = shuffled.settle("/t", None).expect("nothing is twice");
         assert!(notes[0].contains("put in the order of time"), "{notes:?}");
         assert!(values(&shuffled).is_sorted() && shuffled.stamp.len() == 600);
     }

@@ -7,6 +7,7 @@ use super::settings::{Column, Import, Time};
 use super::width::Width;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
+use std::ops::Range;
 
 /// Names of the columns, from the line that has them; none without one.
 fn header(settings: &Import, text: &str) -> Vec<String> {
@@ -64,6 +65,19 @@ impl Wanted {
             wanted.topics.push((which, columns.collect()));
         }
         errors.or(wanted)
+    }
+
+    /// Gives topics without a column of time these rows, without values: a blank line of a recording
+    /// at a rate is a sample that is missing, and what follows is as late as if it were there.
+    fn blank(&self, numbers: Range<usize>, topics: &mut [Rows]) {
+        for ((which, of), rows) in self.topics.iter().zip(topics) {
+            let from = self.times.get(*which).map(|time| &time.from);
+            let Some(Origin::Rate { rate_hz, start_s }) = from else { continue };
+            // A time that is too late is a mistake of the row behind them.
+            let at = |row| Clock::at_rate(*start_s, *rate_hz, row).ok();
+            let stamps = numbers.clone().filter_map(at);
+            stamps.for_each(|stamp| rows.push(stamp, of.iter().map(|_| f64::NAN)));
+        }
     }
 }
 
@@ -131,6 +145,8 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
     let mut row_number = 0;
     let mut width = Width::of(settings, &names);
     each_row(settings.separator, data, &mut |row| {
+        wanted.blank(row_number..row_number + row.blank, &mut topics);
+        row_number += row.blank;
         let (before, cells) = (data.get(..row.start).unwrap_or(data), row.cells);
         let at = |i: usize| Place {
             file: file.to_string(),
@@ -224,6 +240,26 @@ mod tests {
         assert!(e.contains("a.csv:8:6: column 3: \"3,5x\" is no number"), "{e}");
         let e = read_all(&settings, &text.replace("\"3,5\"", "1.234")).err().unwrap();
         assert!(e.contains("\"1.234\" is no number"), "{e}");
+    }
+
+    #[test]
+    fn blank_lines_keep_their_place_in_time_at_a_rate_and_have_no_meaning_beside_a_column_of_time()
+    {
+        let with = |more: &str| {
+            settings(&format!("separator = \"comma\"\nheader_lines = 1\ntime = {{ {more} }}"))
+        };
+        for blank in ["", "  ", "\"\"", "NaN"] {
+            let text = format!("v\n1\n2\n{blank}\n4\n{blank}\n{blank}\n7\n");
+            let rows = read_all(&with("rate_hz = 50"), &text).unwrap();
+            let at: Vec<u64> = (0..7).map(|k| 20_000_000 * k).collect();
+            assert_eq!(rows.stamp, at, "{blank:?}");
+            let known: Vec<usize> = (0..7).filter(|k| !rows.values[*k].is_nan()).collect();
+            assert_eq!((known, rows.values[6]), (vec![0, 1, 3, 6], 7.0), "{blank:?}");
+        }
+        let rows = read_all(&with("rate_hz = 50"), "v\n\n1\n2\n\n\n").unwrap();
+        assert_eq!((rows.stamp, rows.values), (vec![0, 20_000_000], vec![1.0, 2.0]));
+        let rows = read_all(&with("column = \"t\", unit = \"s\""), "t,v\n0,1\n\n1,2\n").unwrap();
+        assert_eq!((rows.stamp, rows.values), (vec![0, 1_000_000_000], vec![1.0, 2.0]));
     }
 
     #[test]

@@ -65,6 +65,39 @@ fn fault_a_gyro_that_freezes_for_ten_seconds_has_no_path_there() {
     assert!(path.t.iter().zip(phi).all(|(t, v)| !(21.0..29.0).contains(t) || v.is_nan()));
 }
 
+/// Jammed, while its noise goes on: no value repeats.
+#[test]
+fn fault_a_vane_that_jams_is_told_and_not_used_there() {
+    let scene = Scene { duration: 120.0, ..CALM };
+    let heights = heights(&scene);
+    for (seed, [from, to]) in [(31, [40.0, 75.0]), (32, [62.0, 120.0])] {
+        for name in ["alpha_vane", "beta_vane"] {
+            let mut flown = record(seed, scene, &heights);
+            let (t, y) = &mut flown.signals[name];
+            let held = y[t.partition_point(|t| *t < from)];
+            let noise = |k: usize| 1e-3 * (2.0 * libm::sin(1e4 * k as f64)).clamp(-1.5, 1.5);
+            let jammed = (0..t.len()).filter(|&k| (from..to).contains(&t[k]));
+            jammed.for_each(|k| y[k] = held + noise(k));
+            let path = path(&flown);
+            let row = path.checks.iter().find(|r| r.channel == name && r.check == "follows");
+            assert_eq!(row.expect("asked").verdict, "stuck", "{name}: {row:?}");
+            assert!(path.notes.iter().any(|n| n.text.contains("stands still from")), "{name}");
+            nowhere_wrong(&flown, &heights, &path, 6.0);
+        }
+    }
+}
+
+#[test]
+fn sensors_that_follow_are_not_stuck() {
+    for (seed, gusts) in [(41, 0.0), (42, 0.0), (43, 0.5), (44, 1.5)] {
+        let scene = Scene { duration: 120.0, gusts, ..CALM };
+        let path = path(&record(seed, scene, &heights(&scene)));
+        let asked = path.checks.iter().filter(|r| r.check == "follows");
+        assert!(asked.clone().count() >= 2, "{seed}: {:?}", path.checks);
+        asked.for_each(|row| assert_eq!(row.verdict, "good", "{seed}: {row:?}"));
+    }
+}
+
 #[test]
 fn fault_a_reversed_axis_is_named() {
     let heights = altitude();

@@ -6,6 +6,7 @@ mod apart;
 mod batch;
 pub mod chosen;
 mod config;
+mod doubts;
 mod identified;
 mod late;
 mod limits;
@@ -50,6 +51,7 @@ pub const STAGE: Stage = Stage {
         "separability",
         "budget",
         "profiles",
+        "doubts",
         "regressions",
         "equations",
         "searches",
@@ -270,7 +272,7 @@ fn of_ready(
         [one] => identified::file(config, flight, one).into_iter().collect(),
         _ => Vec::new(),
     };
-    Ok(Estimated { tables: tables::all(&config.name(), &results)?, files, stops })
+    Ok(Estimated { tables: tables::all(config, &results)?, files, stops })
 }
 
 /// Groups the records, in order of flights and maneuvers.

@@ -2,6 +2,8 @@
 
 use super::adequacy;
 use super::batch::{Batch, Done, per, segment};
+use super::config::Config;
+use super::doubts;
 use super::limits;
 use super::regressions;
 use super::uncertainty;
@@ -12,13 +14,15 @@ use crate::table::Table;
 use std::borrow::Cow;
 
 /// The tables of one model's estimations.
-pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
+pub fn all(config: &Config, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
+    let model = &config.name();
     Ok(vec![
         ("estimates", estimates(model, done)?),
         ("correlations", correlations(model, done)?),
         ("separability", uncertainty::separability(model, done)?),
         ("budget", uncertainty::budget(model, done)?),
         ("profiles", uncertainty::profiles(model, done)?),
+        ("doubts", doubts::table(config, done)?),
         ("regressions", regressions::regressions(model, done)?),
         ("equations", regressions::equations(model, done)?),
         ("searches", regressions::searches(model, done)?),

@@ -2,8 +2,8 @@
 
 use super::batch::{Batch, segment};
 use super::config::Config;
+use super::doubts;
 use super::limits;
-use crate::estimate::regression::Regressed;
 use crate::estimate::{self, Estimation, Row, Trace};
 use crate::math::digits;
 use crate::noise::Modelled;
@@ -52,15 +52,12 @@ pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Not
         let text = format!("{}: {text}", batch.group);
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
-    notes.extend(influential_note(config, batch, estimation));
-    notes.extend(coarse_note(config, batch, estimation));
-    notes.extend(edges_note(config, batch, estimation));
-    notes.extend(chords_note(config, batch, estimation));
-    notes.extend(noisy_notes(config, batch, estimation));
-    notes.extend(skewed_note(config, batch, estimation));
+    let doubts = doubts::of(config, batch, estimation);
+    notes.extend(doubts.into_iter().map(|doubt| doubt.note(config, batch)));
+    notes.extend(noise_alone_note(config, batch, estimation));
     notes.extend(starts_note(config, batch, estimation));
-    notes.extend(ramps_note(config, batch, estimation));
-    notes.extend(moved_note(config, batch, estimation));
+    notes.extend(together_note(config, batch, estimation));
+    notes.extend(unknown_shift_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
     if config.settings.method.stabilise.values().any(|gain| *gain != 0.0) {
@@ -137,175 +134,19 @@ fn is_still(trace: &Trace) -> bool {
 /// A modelled output that changes by less than this share of its size is at rest.
 const MOVES: f64 = 1e-3;
 
-/// The sample on which the estimate hangs.
-fn influential_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let sample = estimation.influential.as_ref()?;
-    let (row, segment) =
-        (estimation.rows.get(sample.row)?, batch.segments.get(sample.segment)?.clone());
-    let text = format!(
-        "{}: {} hangs on one sample: without {} of {segment} at {:.3} s, {:.0} sd of the others' noise off the model, it would be {:.2} sd {}",
-        batch.group,
-        row.name,
-        sample.output,
-        sample.t,
-        sample.residual.abs(),
-        sample.shift.abs(),
-        if sample.shift > 0.0 { "larger" } else { "smaller" },
-    );
-    Some(config.note("", Severity::Warning, segment, 1, text))
-}
-
 /// Parameters that are named in a note at most.
 const NAMED: usize = 4;
 
-/// Parameters with the sd by which they move.
-fn moved(all: &[(String, f64)]) -> String {
-    let of = |(name, by): &(String, f64)| format!("{name} by {by:.1} sd");
-    let words: Vec<String> = all.iter().take(NAMED).map(of).collect();
-    match all.len().saturating_sub(NAMED) {
-        0 => words.join(", "),
-        more => format!("{} and {more} others", words.join(", ")),
-    }
-}
-
-/// Estimates that depend on how fine the integration steps are.
-fn coarse_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let coarse = estimation.coarse.as_ref()?;
+/// Parameters of which noise of the inputs alone tells.
+fn noise_alone_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let noisy = estimation.noisy_inputs.as_ref().filter(|noisy| !noisy.alone.is_empty())?;
     let text = format!(
-        "{}: where a state meets its limit inside a step the motion is off: integration steps {} times finer would move {}: say `substeps` in [[estimate]]",
+        "{}: nothing but noise of the inputs (SI: {}) determines {}: value and sd mean nothing; hold it (`fixed`), or fly what moves its input",
         batch.group,
-        coarse.finer,
-        moved(&coarse.moved)
+        noisy.words(),
+        noisy.alone.join(", ")
     );
-    Some(config.note("", Severity::Warning, batch.group.clone(), coarse.moved.len(), text))
-}
-
-/// Estimates that hang on when inputs stepped between two of their samples, unless the pipeline file says
-/// how each of them runs there.
-fn edges_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let edges = estimation.edges.as_ref()?;
-    let said: Vec<&str> = config.settings.interpolation.named().collect();
-    if edges.inputs.iter().all(|(name, _)| said.contains(&name.as_str())) {
-        return None;
-    }
-    let each = |(name, spacing): &(String, f64)| format!("{name} ({spacing:.3} s)");
-    let names: Vec<String> = edges.inputs.iter().map(each).collect();
-    let text = format!(
-        "{}: {} step between two samples, a straight line is drawn there, and steps at the later sample would move {}: record faster, or say `interpolation` in [[estimate]] (\"hold\" for a command that is held)",
-        batch.group,
-        names.join(", "),
-        moved(&edges.moved)
-    );
-    Some(config.note("", Severity::Warning, batch.group.clone(), edges.moved.len(), text))
-}
-
-/// Estimates that straight lines between the points of the grid move.
-fn chords_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let chords = estimation.chords.as_ref()?;
-    // Noise is not on the curve through its neighbours either: what it moves is told beside.
-    let by_noise = |name: &String| {
-        let noisy = estimation.noisy_inputs.iter().flat_map(|noisy| &noisy.moved);
-        noisy.filter(|(moved, _)| moved == name).map(|(_, by)| *by).fold(0.0, f64::max)
-    };
-    let mut chords = chords.clone();
-    chords.moved.retain(|(name, by)| *by > 2.0 * by_noise(name));
-    if chords.moved.is_empty() || estimation.ramps.is_some() {
-        return None;
-    }
-    let (points, remedy) = match chords.finer {
-        true => ("points of the grid", "the record has more samples: a finer grid (`rate_hz`)"),
-        false => ("samples of the record", "nothing but a faster record"),
-    };
-    let (curve, smooth) = match chords.smooth {
-        true => ("smooth curves", ""),
-        false => (
-            "straight lines",
-            "; where inputs have no edges, `interpolation = \"cubic\"` in [[estimate]]",
-        ),
-    };
-    let [least, largest] = chords.spacing;
-    let spacing = match largest - least > 0.1 * least {
-        true => format!("{least:.3} to {largest:.3} s"),
-        false => format!("{largest:.3} s"),
-    };
-    let text = format!(
-        "{}: inputs run on {curve} between {points} ({spacing}), which moves {}: {remedy} tells more, and half the spacing leaves a quarter of it{smooth}",
-        batch.group,
-        moved(&chords.moved)
-    );
-    Some(config.note("", Severity::Warning, batch.group.clone(), chords.moved.len(), text))
-}
-
-/// Delays of inputs that run along straight lines.
-fn ramps_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let ramps = estimation.ramps.as_ref()?;
-    let each = |name: &String| format!("{name} = \"ramps\"");
-    let settings: Vec<String> = ramps.inputs.iter().map(each).collect();
-    let text = format!(
-        "{}: a delay() reads a smooth curve through the samples of {}; straight lines leave less (log-likelihood {:.1}), and move {}: say `interpolation = {{ {} }}` in [[estimate]]",
-        batch.group,
-        ramps.inputs.join(", "),
-        ramps.less,
-        moved(&ramps.moved),
-        settings.join(", ")
-    );
-    Some(config.note("", Severity::Warning, batch.group.clone(), ramps.moved.len(), text))
-}
-
-/// Estimates that noise of the inputs moves, and parameters of which it alone tells.
-fn noisy_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
-    let Some(noisy) = &estimation.noisy_inputs else { return Vec::new() };
-    let each = |(name, sd): &(String, f64)| format!("{name} ({sd:.1e})");
-    let inputs: Vec<String> = noisy.inputs.iter().map(each).collect();
-    let inputs = inputs.join(", ");
-    let of = |count: usize, text: String| {
-        config.note(
-            "",
-            Severity::Warning,
-            batch.group.clone(),
-            count,
-            format!("{}: {text}", batch.group),
-        )
-    };
-    let mut notes = Vec::new();
-    if !noisy.alone.is_empty() {
-        let names = noisy.alone.join(", ");
-        notes.push(of(
-            noisy.alone.len(),
-            format!(
-                "nothing but noise of the inputs (SI: {inputs}) determines {names}: value and sd mean nothing; hold it (`fixed`), or fly what moves its input"
-            ),
-        ));
-    }
-    let moved: Vec<(String, f64)> =
-        noisy.moved.iter().filter(|(name, _)| !noisy.alone.contains(name)).cloned().collect();
-    if !moved.is_empty() {
-        notes.push(of(
-            moved.len(),
-            format!(
-                "the model is driven by measured inputs, and their noise (SI: {inputs}) is expected to have moved {}: smooth them (`koehler` reconstructs the flight path), or make a state of what is noisy",
-                self::moved(&moved)
-            ),
-        ));
-    }
-    notes
-}
-
-/// Records that look late against the others.
-fn skewed_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let skewed = estimation.skewed.as_ref()?;
-    let each = |late: &estimate::Late| {
-        let side = if late.by > 0.0 { "late" } else { "early" };
-        format!("{} {:.4} +- {:.4} s {side}", late.record, late.by.abs(), late.sd)
-    };
-    let records: Vec<String> = skewed.records.iter().map(each).collect();
-    let text = format!(
-        "{}: records look shifted in time against the others: {}. Put right, that would move {}: if it is the record, say `delay` of the signal in the channels file; if a lag lies between what is recorded and what acts, give the model one (`koehler diagnose` tells which fits)",
-        batch.group,
-        records.join(", "),
-        moved(&skewed.moved)
-    );
-    Some(config.note("", Severity::Warning, batch.group.clone(), records.len(), text))
+    Some(config.note("", Severity::Warning, batch.group.clone(), noisy.alone.len(), text))
 }
 
 /// Standard deviations that noise of the samples which states start at makes larger.
@@ -329,31 +170,34 @@ fn starts_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Optio
     Some(config.note("", Severity::Warning, batch.group.clone(), noisy.larger.len(), text))
 }
 
-/// Estimates by equation error that the noise of the regressors is expected to have moved.
-fn moved_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
-    let regression = estimation.regression.as_ref().filter(|r| r.is_estimate)?;
-    if regression.rows.iter().all(|r| r.shift.is_none())
-        && regression.rows.iter().any(|r| r.sd.is_some())
-    {
-        let text = format!(
-            "{}: how far noise in the regressors has moved the estimates cannot be told: signals are slower than the grid, and of a derived column nobody knows which ones it has its noise from",
-            batch.group
-        );
-        return Some(config.note("", Severity::Info, batch.group.clone(), 1, text));
-    }
-    let moved = regression.rows.iter().filter(|r| r.is_moved());
-    let words = |r: &Regressed| {
-        let (row, shift) = (estimation.rows.get(r.row)?, r.shift?);
-        Some(format!("{} by {shift:.2e}", row.name))
+/// Standard deviations that are too small because what is left of several outputs goes together.
+fn together_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let all = &estimation.together;
+    let each = |(name, by): &(String, f64)| format!("{name} {by:.1}");
+    let larger: Vec<String> = all.iter().take(NAMED).map(each).collect();
+    let more = match all.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} others"),
     };
-    let words: Vec<String> = moved.filter_map(words).collect();
     let text = format!(
-        "{}: noise in the regressors is expected to have moved these by more than their sd: {} (`shift` in the table regressions)",
+        "{}: what is left of several outputs goes together, as where gusts move all of them, and sd take each output for itself: they are so many times too small: {}{more}. Turbulence in the model (gusts are fragments, noise that drives states: filter error) accounts for it",
         batch.group,
-        words.join(", ")
+        larger.join(", ")
     );
-    let note = config.note("", Severity::Warning, batch.group.clone(), words.len(), text);
-    (!words.is_empty()).then_some(note)
+    let note = config.note("", Severity::Warning, batch.group.clone(), all.len(), text);
+    (!all.is_empty()).then_some(note)
+}
+
+/// Estimates by equation error of which nobody can tell how far noise of the regressors has moved them.
+fn unknown_shift_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let regression = estimation.regression.as_ref().filter(|r| r.is_estimate)?;
+    let is_unknown = regression.rows.iter().all(|r| r.shift.is_none())
+        && regression.rows.iter().any(|r| r.sd.is_some());
+    let text = format!(
+        "{}: how far noise in the regressors has moved the estimates cannot be told: signals are slower than the grid, and of a derived column nobody knows which ones it has its noise from",
+        batch.group
+    );
+    is_unknown.then(|| config.note("", Severity::Info, batch.group.clone(), 1, text))
 }
 
 /// What became of several starts.

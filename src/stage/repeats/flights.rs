@@ -68,7 +68,7 @@ pub fn loose(rows: &[Set], lined: &[&str]) -> Option<(usize, String)> {
     let each = |row: &&&Set| format!("{} by {:.1} times", row.parameter, ratio(row));
     let each: Vec<String> = loose.iter().map(each).collect();
     let text = format!(
-        "values of {} flights scatter by more than their standard deviations say: {}. They depend on the condition (a [[fit]] shows on which), or inputs have errors that last a flight (`shifts.inputs`)",
+        "values of {} flights scatter by more than their standard deviations say: {}. They depend on the condition (a [[fit]] shows on which), the air was rough (turbulence: noise that drives the model, filter error), or inputs have errors that last a flight (`shifts.inputs`)",
         loose.first()?.found.n,
         list(&each)
     );

@@ -16,6 +16,9 @@ const SLOW: f64 = 1.5;
 const FAR: f64 = 3.0;
 /// Share of them that must be.
 const NOISE: f64 = 0.95;
+/// The estimate leaves more than the sensor's noise from so many times that on. *Convention*, as for what an
+/// estimate leaves (`signal::adequacy`).
+const SENSOR: f64 = 2.0;
 
 /// One output of one maneuver.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -203,12 +206,17 @@ impl Agreement {
         3.0 * (square / independent).sqrt()
     }
 
-    /// Whether what is left is the sensor's noise; none without `R`.
+    /// Whether what is left is the sensor's noise, or as much as the estimate leaves of its own maneuvers where
+    /// that is more; none without `R`.
     pub fn noise_verdict(&self) -> Option<&'static str> {
         match self.smoothed {
             share if share.is_nan() => None,
-            share if share >= NOISE => Some("noise"),
-            _ => Some("more than noise"),
+            share if share < NOISE => Some("more than noise"),
+            // Noise that a filter has found is the sensor's.
+            _ if self.driven_sd.is_nan() && self.r_sd > SENSOR * self.noise_sd => {
+                Some("as the estimate leaves")
+            }
+            _ => Some("noise"),
         }
     }
 

@@ -4,25 +4,36 @@ use super::plan::{Cursor, Flow, Planner};
 use super::schema;
 use super::types::{Kind, Member, Types};
 use crate::log::channel::Channel;
-use crate::log::decode::encoding::{FieldInfo, MOST_FIELDS, MOST_ITEMS};
+use crate::log::decode::encoding::{FieldInfo, Gathered, MOST_FIELDS, MOST_ITEMS};
 use crate::log::decode::paths::joined;
 
 /// The fields in the order of the definition. The message says how long its lists are; without one
 /// their places are `*`, as are those behind the first `MOST_ITEMS`.
 pub(super) fn fields(channel: &Channel, message: Option<&[u8]>) -> Vec<FieldInfo> {
+    among(channel, message.as_slice())
+}
+
+/// The same of several messages: of lists, the longest there is. Damaged ones say nothing.
+pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {
     let Ok(types) = schema::types(channel) else { return Vec::new() };
-    let told = match message.and_then(|m| m.split_first_chunk::<4>()) {
-        Some(([0, 1, ..], body)) => of_message(&types, Cursor::<false> { body, at: 0 }),
-        Some(([0, 0, ..], body)) => of_message(&types, Cursor::<true> { body, at: 0 }),
+    let told = |message: &&[u8]| match message.split_first_chunk::<4>()? {
+        ([0, 1, ..], body) => of_message(&types, Cursor::<false> { body, at: 0 }),
+        ([0, 0, ..], body) => of_message(&types, Cursor::<true> { body, at: 0 }),
         _ => None,
     };
-    told.unwrap_or_else(|| {
-        let mut lister =
-            Lister::<false> { types: &types, cursor: None, visits: 0, out: Vec::new() };
-        let root = Member::unnamed(Kind::Struct(types.root));
-        let _ = lister.value(&root.kind, "", &root);
-        lister.out
-    })
+    let mut all = Gathered::default();
+    messages.iter().filter_map(told).for_each(|fields| all.add(fields));
+    if all.fields.is_empty() {
+        all.add(of_types(&types));
+    }
+    all.fields
+}
+
+fn of_types(types: &Types) -> Vec<FieldInfo> {
+    let mut lister = Lister::<false> { types, cursor: None, visits: 0, out: Vec::new() };
+    let root = Member::unnamed(Kind::Struct(types.root));
+    let _ = lister.value(&root.kind, "", &root);
+    lister.out
 }
 
 fn of_message<const BIG: bool>(types: &Types, cursor: Cursor<BIG>) -> Option<Vec<FieldInfo>> {

@@ -12,15 +12,20 @@ mod schema;
 mod tests;
 mod types;
 
-use super::encoding::{Encoding, Prepared, Reader, UNREADABLE};
+use super::encoding::{DAMAGED, Encoding, Prepared, Reader, UNREADABLE};
 use super::paths;
 use crate::log::channel::Channel;
 use plan::{Cursor, Flow, Planner, Step};
 use std::sync::Arc;
 use types::Kind;
 
-pub const ENCODING: Encoding =
-    Encoding { message: "cdr", schemas: &["ros2msg", "ros2idl"], fields: fields::fields, prepare };
+pub const ENCODING: Encoding = Encoding {
+    message: "cdr",
+    schemas: &["ros2msg", "ros2idl"],
+    fields: fields::fields,
+    fields_among: fields::among,
+    prepare,
+};
 
 /// Writers may fill a message up to a multiple of eight bytes; more behind its last field means
 /// that it is not what the definition says.
@@ -41,7 +46,7 @@ fn reader(steps: Vec<Step>) -> Reader {
     Box::new(move |message, out| {
         out.fill(UNREADABLE);
         if read(&steps, message, out).is_none() {
-            out.fill(UNREADABLE);
+            out.fill(DAMAGED);
         }
     })
 }

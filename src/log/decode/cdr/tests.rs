@@ -1,7 +1,7 @@
 //! Definitions and messages made by hand in; the numbers and fields that must come out.
 
 use super::*;
-use crate::log::decode::is_unreadable;
+use crate::log::decode::{is_damaged, is_unreadable};
 
 /// A message in the making.
 struct Made {
@@ -154,6 +154,21 @@ fn fields_come_with_their_comments_and_the_lengths_of_the_message() {
     assert_eq!(listed(&channel, Some(&state(false)[..30])), unknown);
     let told = fields::fields(&channel, None);
     assert_eq!((told[0].unit.as_str(), told[2].doc.as_str()), ("", "of state"));
+}
+
+#[test]
+fn lists_are_as_long_as_in_the_message_with_the_longest_and_damage_says_nothing() {
+    let channel = channel("a/B", "ros2msg", "uint8[] list\n");
+    let of = |n: u8| [&[0, 1, 0, 0, n, 0, 0, 0][..], &vec![7; usize::from(n)]].concat();
+    let (empty, short, long) = (of(0), of(1), of(3));
+    let paths = |messages: &[&[u8]]| {
+        fields::among(&channel, messages).into_iter().map(|f| f.path).collect::<Vec<_>>()
+    };
+    assert_eq!(paths(&[&empty, &short, &long[..9], &long]), ["list.0", "list.1", "list.2"]);
+    assert_eq!(paths(&[]), ["list.*"]);
+    assert!(is_damaged(values(&channel, &["list.0"], &long[..9])[0]));
+    let absent = values(&channel, &["list.2"], &short)[0];
+    assert!(is_unreadable(absent) && !is_damaged(absent));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::schema::{Field, Kind, Number, Schema};
 use super::wire::{self, Form};
 use crate::log::bytes::Bytes;
 use crate::log::channel::Channel;
-use crate::log::decode::encoding::{FieldInfo, MOST_FIELDS, MOST_ITEMS};
+use crate::log::decode::encoding::{FieldInfo, Gathered, MOST_FIELDS, MOST_ITEMS};
 use crate::log::decode::paths::joined;
 use std::collections::BTreeMap;
 
@@ -14,10 +14,23 @@ const DEEPEST: usize = 16;
 /// The fields in the order of the schema. The message says how long its lists are; without one
 /// their places are `*`, as are those behind the first `MOST_ITEMS`.
 pub(super) fn fields(channel: &Channel, message: Option<&[u8]>) -> Vec<FieldInfo> {
+    among(channel, message.as_slice())
+}
+
+/// The same of several messages: of lists, the longest there is.
+pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {
     let Ok(schema) = Schema::parse(&channel.schema) else { return Vec::new() };
-    let mut lister = Lister { schema: &schema, open: Vec::new(), visits: 0, out: Vec::new() };
-    lister.message(&channel.schema_name, message, "");
-    lister.out
+    let listed = |message: Option<&[u8]>| {
+        let mut lister = Lister { schema: &schema, open: Vec::new(), visits: 0, out: Vec::new() };
+        lister.message(&channel.schema_name, message, "");
+        lister.out
+    };
+    if messages.is_empty() {
+        return listed(None);
+    }
+    let mut all = Gathered::default();
+    messages.iter().for_each(|message| all.add(listed(Some(message))));
+    all.fields
 }
 
 struct Lister<'a> {

@@ -13,14 +13,19 @@ mod schema;
 mod tests;
 mod wire;
 
-use super::encoding::{Encoding, Prepared, UNREADABLE};
+use super::encoding::{DAMAGED, Encoding, Prepared, UNREADABLE};
 use crate::log::channel::Channel;
 use plan::Plan;
 use schema::Schema;
 use std::sync::Arc;
 
-pub const ENCODING: Encoding =
-    Encoding { message: "protobuf", schemas: &["protobuf"], fields: fields::fields, prepare };
+pub const ENCODING: Encoding = Encoding {
+    message: "protobuf",
+    schemas: &["protobuf"],
+    fields: fields::fields,
+    fields_among: fields::among,
+    prepare,
+};
 
 fn prepare(channel: &Channel, paths: &[String]) -> Result<Prepared, String> {
     let schema = Schema::parse(&channel.schema)?;
@@ -35,7 +40,7 @@ fn prepare(channel: &Channel, paths: &[String]) -> Result<Prepared, String> {
                 counts.fill(0);
             }
             if plan.read(message, &mut counts, out).is_none() {
-                out.fill(UNREADABLE);
+                out.fill(DAMAGED);
             }
         })
     }))

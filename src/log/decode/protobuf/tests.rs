@@ -209,6 +209,16 @@ fn fields_are_those_of_the_schema_with_the_lengths_of_the_message() {
 }
 
 #[test]
+fn lists_that_begin_empty_are_listed_from_later_messages() {
+    let (full, empty) = (full(), Vec::new());
+    let listed = |messages: &[&[u8]]| {
+        fields::among(&channel(), messages).into_iter().map(|f| f.path).collect::<Vec<_>>()
+    };
+    assert!(!listed(&[&empty]).contains(&"list.0".to_string()));
+    assert!(listed(&[&empty, &full]).contains(&"list.3".to_string()));
+}
+
+#[test]
 fn a_damaged_message_is_unreadable_as_a_whole_and_the_next_one_is_read() {
     let whole = full();
     let (channel, paths) = (channel(), ["x".to_string(), "far".to_string()]);
