@@ -95,9 +95,10 @@ pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
     Ok(look)
 }
 
-/// Ways to ask messages for their fields, the quick one first.
-const ASK: [fn(&LogFile, &[u16]) -> Result<listing::Fields>; 2] =
-    [listing::at_first, listing::throughout];
+/// A way to ask messages of some channels for their fields.
+type Ask = fn(&LogFile, &[u16]) -> Result<listing::Fields>;
+/// The quick one first.
+const ASK: [Ask; 2] = [listing::at_first, listing::throughout];
 
 /// A log whose messages are looked at only where that is needed.
 struct Eye<'a> {

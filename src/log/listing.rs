@@ -137,7 +137,7 @@ fn asked(known: &BTreeMap<u16, Channel>, messages: &Messages) -> Fields {
     let one = |(id, messages): (&u16, &Vec<Vec<u8>>)| {
         let channel = known.get(id)?;
         let messages: Vec<&[u8]> = messages.iter().map(Vec::as_slice).collect();
-        Some((*id, (decode::encoding_of(channel)?.fields_among)(channel, &messages)))
+        Some((*id, (decode::encoding_of(channel)?.fields)(channel, &messages)))
     };
     messages.iter().filter_map(one).collect()
 }

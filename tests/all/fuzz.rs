@@ -139,7 +139,8 @@ fn fault_any_bytes_are_decoded_as_messages_and_read_as_schemas() {
             let paths = |fields: Vec<FieldInfo>| -> Vec<String> {
                 fields.into_iter().map(|f| f.path).take(50).collect()
             };
-            let sound = paths((known.fields)(channel, messages.first().map(Vec::as_slice)));
+            let sound =
+                paths((known.fields)(channel, messages.first().map(Vec::as_slice).as_slice()));
             let prepared = (known.prepare)(channel, &sound).expect("a sound schema");
             let mut row = vec![0.0; sound.len()];
             let mut reader = prepared();
@@ -147,7 +148,8 @@ fn fault_any_bytes_are_decoded_as_messages_and_read_as_schemas() {
             drive(encoding, runs() / 10, std::slice::from_ref(&channel.schema), |bytes| {
                 let mut other = channel.clone();
                 other.schema = bytes.to_vec();
-                let paths = paths((known.fields)(&other, messages.first().map(Vec::as_slice)));
+                let paths =
+                    paths((known.fields)(&other, messages.first().map(Vec::as_slice).as_slice()));
                 let Ok(prepared) = (known.prepare)(&other, &paths) else { return };
                 let mut row = vec![0.0; paths.len()];
                 messages.iter().for_each(|message| prepared()(message, &mut row));

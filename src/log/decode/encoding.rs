@@ -10,12 +10,10 @@ pub struct Encoding {
     pub message: &'static str,
     /// The schema encodings that go with it; an empty string is a channel without schema.
     pub schemas: &'static [&'static str],
-    /// The numeric fields of a topic, from its channel's schema and one of its messages (which may
-    /// be missing). The places of lists are numbers, or `*` where their length is not known.
-    pub fields: fn(&Channel, message: Option<&[u8]>) -> Vec<FieldInfo>,
-    /// The same of several messages, each field once, as they first come: lists differ in length, and
-    /// a message without a schema need not have every field.
-    pub fields_among: fn(&Channel, messages: &[&[u8]]) -> Vec<FieldInfo>,
+    /// The numeric fields of a topic, from its channel's schema and some of its messages (of which there may be
+    /// none), each field once, as they first come: lists differ in length, and a message without a schema need
+    /// not have every field. The places of lists are numbers, or `*` where their length is not known.
+    pub fields: fn(&Channel, messages: &[&[u8]]) -> Vec<FieldInfo>,
     /// Makes ready to read the fields at the given paths (no path twice).
     ///
     /// # Errors

@@ -12,13 +12,8 @@ use crate::log::channel::Channel;
 use layout::Layout;
 use std::sync::Arc;
 
-pub const ENCODING: Encoding = Encoding {
-    message: "json",
-    schemas: &["jsonschema", ""],
-    fields: fields::fields,
-    fields_among: fields::among,
-    prepare,
-};
+pub const ENCODING: Encoding =
+    Encoding { message: "json", schemas: &["jsonschema", ""], fields: fields::among, prepare };
 
 fn prepare(_: &Channel, paths: &[String]) -> Result<Prepared, String> {
     let paths: Arc<[String]> = paths.into();

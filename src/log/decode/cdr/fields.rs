@@ -7,13 +7,8 @@ use crate::log::channel::Channel;
 use crate::log::decode::encoding::{FieldInfo, Gathered, MOST_FIELDS, MOST_ITEMS};
 use crate::log::decode::paths::joined;
 
-/// The fields in the order of the definition. The message says how long its lists are; without one
-/// their places are `*`, as are those behind the first `MOST_ITEMS`.
-pub(super) fn fields(channel: &Channel, message: Option<&[u8]>) -> Vec<FieldInfo> {
-    among(channel, message.as_slice())
-}
-
-/// The same of several messages: of lists, the longest there is. Damaged ones say nothing.
+/// The fields in the order of the definition. The messages say how long its lists are, the longest of each;
+/// without one their places are `*`, as are those behind the first `MOST_ITEMS`. Damaged ones say nothing.
 pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {
     let Ok(types) = schema::types(channel) else { return Vec::new() };
     let told = |message: &&[u8]| match message.split_first_chunk::<4>()? {

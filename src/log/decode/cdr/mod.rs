@@ -19,13 +19,8 @@ use plan::{Cursor, Flow, Planner, Step};
 use std::sync::Arc;
 use types::Kind;
 
-pub const ENCODING: Encoding = Encoding {
-    message: "cdr",
-    schemas: &["ros2msg", "ros2idl"],
-    fields: fields::fields,
-    fields_among: fields::among,
-    prepare,
-};
+pub const ENCODING: Encoding =
+    Encoding { message: "cdr", schemas: &["ros2msg", "ros2idl"], fields: fields::among, prepare };
 
 /// Writers may fill a message up to a multiple of eight bytes; more behind its last field means
 /// that it is not what the definition says.

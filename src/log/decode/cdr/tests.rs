@@ -51,7 +51,7 @@ fn values(channel: &Channel, paths: &[&str], message: &[u8]) -> Vec<f64> {
 }
 
 fn listed(channel: &Channel, message: Option<&[u8]>) -> Vec<String> {
-    fields::fields(channel, message).into_iter().map(|f| f.path).collect()
+    fields::among(channel, message.as_slice()).into_iter().map(|f| f.path).collect()
 }
 
 const STATE: &str = "\
@@ -152,7 +152,7 @@ fn fields_come_with_their_comments_and_the_lengths_of_the_message() {
     let unknown = [&before[..], &["list.*", "items.*.value"], &after].concat();
     assert_eq!(listed(&channel, None), unknown);
     assert_eq!(listed(&channel, Some(&state(false)[..30])), unknown);
-    let told = fields::fields(&channel, None);
+    let told = fields::among(&channel, &[]);
     assert_eq!((told[0].unit.as_str(), told[2].doc.as_str()), ("", "of state"));
 }
 
@@ -272,7 +272,7 @@ module p_msgs { module msg { /* flat */ struct Point { float x, y; }; }; };
         values(&channel, &wanted, &message),
         [0.25, 1.0, 2.0, 4.0, 5.0, 6.0, 7.0, -8.0, 9.0, 10.0, 11.0, 12.0, 1.0, 1.0, -13.0]
     );
-    let x = &fields::fields(&channel, None)[0];
+    let x = &fields::among(&channel, &[])[0];
     assert_eq!((x.unit.as_str(), x.doc.as_str()), ("m", "Forward \"x\""));
 }
 

@@ -9,10 +9,6 @@ use std::collections::BTreeSet;
 /// Of a message with more texts than this no layout is learnt: each is looked up among all of them.
 const MOST_TEXTS: usize = 100;
 
-pub(super) fn fields(channel: &Channel, message: Option<&[u8]>) -> Vec<FieldInfo> {
-    among(channel, message.as_slice())
-}
-
 /// Fields in the order in which messages first have them, with what the schema says; those of the
 /// schema, in its order, where no message has any. Texts that hold no number are left out.
 pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {

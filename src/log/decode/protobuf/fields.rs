@@ -11,13 +11,8 @@ use std::collections::BTreeMap;
 /// Messages nested deeper than this are not listed.
 const DEEPEST: usize = 16;
 
-/// The fields in the order of the schema. The message says how long its lists are; without one
-/// their places are `*`, as are those behind the first `MOST_ITEMS`.
-pub(super) fn fields(channel: &Channel, message: Option<&[u8]>) -> Vec<FieldInfo> {
-    among(channel, message.as_slice())
-}
-
-/// The same of several messages: of lists, the longest there is.
+/// The fields in the order of the schema. The messages say how long its lists are, the longest of each; without
+/// one their places are `*`, as are those behind the first `MOST_ITEMS`.
 pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {
     let Ok(schema) = Schema::parse(&channel.schema) else { return Vec::new() };
     let listed = |message: Option<&[u8]>| {

@@ -19,13 +19,8 @@ use plan::Plan;
 use schema::Schema;
 use std::sync::Arc;
 
-pub const ENCODING: Encoding = Encoding {
-    message: "protobuf",
-    schemas: &["protobuf"],
-    fields: fields::fields,
-    fields_among: fields::among,
-    prepare,
-};
+pub const ENCODING: Encoding =
+    Encoding { message: "protobuf", schemas: &["protobuf"], fields: fields::among, prepare };
 
 fn prepare(channel: &Channel, paths: &[String]) -> Result<Prepared, String> {
     let schema = Schema::parse(&channel.schema)?;

@@ -192,7 +192,7 @@ fn what_is_left_out_is_the_default_where_the_field_has_no_presence() {
 #[test]
 fn fields_are_those_of_the_schema_with_the_lengths_of_the_message() {
     let listed = |message: Option<&[u8]>| {
-        fields::fields(&channel(), message)
+        fields::among(&channel(), message.as_slice())
             .into_iter()
             .map(|f| f.path)
             .collect::<Vec<_>>()
@@ -204,7 +204,7 @@ fn fields_are_those_of_the_schema_with_the_lengths_of_the_message() {
         "x z b.v b.on list.0 list.1 list.2 list.3 items.0.v items.0.on items.1.v items.1.on i either perhaps \
          f.0 f.1 again.x again.z again.b.v again.b.on again.i again.either again.perhaps again.far far"
     );
-    let told = fields::fields(&channel(), None);
+    let told = fields::among(&channel(), &[]);
     assert_eq!((told[0].doc.as_str(), told[3].doc.as_str()), ("the first", "on?"));
 }
 
@@ -286,7 +286,7 @@ fn a_wrong_schema_is_said_in_words() {
     assert!(error(&none, "x").contains("does not define the message \"p.C\""));
     none.schema = vec![0xff; 9];
     assert!(error(&none, "x").contains("no FileDescriptorSet"));
-    assert!(fields::fields(&none, Some(&full())).is_empty());
+    assert!(fields::among(&none, &[&full()]).is_empty());
 }
 
 proptest::proptest! {
@@ -298,13 +298,13 @@ proptest::proptest! {
         let mut message = full();
         message.splice(at.min(message.len())..(at + bytes.len()).min(message.len()), bytes.iter().copied());
         values(&channel, &PATHS, &message);
-        fields::fields(&channel, Some(&message));
+        fields::among(&channel, &[&message]);
         let mut other = channel.clone();
         let at = at * 5 % other.schema.len();
         other.schema.splice(at..(at + bytes.len()).min(other.schema.len()), bytes.iter().copied());
         if let Ok(prepared) = prepare(&other, &["x".to_string(), "items.1.v".to_string()]) {
             prepared()(&message, &mut [0.0; 2]);
         }
-        fields::fields(&other, Some(&message));
+        fields::among(&other, &[&message]);
     }
 }
