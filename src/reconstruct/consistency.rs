@@ -121,11 +121,16 @@ pub fn misfit(
     which: Which,
     out: &[Which],
 ) -> f64 {
+    misfit_over(smoother, levels, &parts(smoother, which, stretches), out)
+}
+
+/// The same over these parts.
+pub fn misfit_over(smoother: &Smoother, levels: &Levels, parts: &[[f64; 2]], out: &[Which]) -> f64 {
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
     let mut watch = super::smoother::Innovations::new(smoother.flight.channels.len());
     let open = smoother.with_gate(f64::INFINITY);
-    for part in parts(smoother, which, stretches) {
+    for &part in parts {
         let x = open.begin(&levels, part, None);
         open.run(&levels, part, &x, &mut watch, &mut super::smoother::Nothing);
     }
@@ -142,6 +147,16 @@ pub fn leave_out(smoother: &Smoother, levels: &mut Levels, which: Which) {
             levels.density[k] = 10.0 * spread * spread;
         }
     }
+}
+
+/// The stretches in parts of about `PART`.
+pub fn slices(stretches: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let of = |&[from, to]: &[f64; 2]| {
+        let count = ((to - from) / PART).floor().max(1.0) as usize;
+        let each = (to - from) / count as f64;
+        (0..count).map(move |i| [from + each * i as f64, from + each * (i + 1) as f64])
+    };
+    stretches.iter().flat_map(of).collect()
 }
 
 /// The parts of the flight where a channel moves most, one in each half so that a clock that jumps
@@ -162,22 +177,16 @@ fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64;
     };
     let middle = 0.5 * (first[0] + last[1]);
     let mut found: Vec<(f64, [f64; 2])> = Vec::new();
-    for &[from, to] in stretches {
-        let count = ((to - from) / PART).floor().max(1.0) as usize;
-        let each = (to - from) / count as f64;
-        for i in 0..count {
-            let part = [from + each * i as f64, from + each * (i + 1) as f64];
-            let (a, b) =
-                (t.partition_point(|&x| x < part[0]), t.partition_point(|&x| x <= part[1]));
-            let z = &y[a..b];
-            let known = z.iter().filter(|z| z.is_finite()).count();
-            // What is masked for the most part says little.
-            if known > 20 && 2 * known >= z.len() {
-                let steps = z.windows(11).map(|w| w[10] - w[0]);
-                let steps: Vec<f64> = steps.filter(|step| step.is_finite()).collect();
-                let square = steps.iter().map(|s| s * s).sum::<f64>() / steps.len().max(1) as f64;
-                found.push((square, part));
-            }
+    for part in slices(stretches) {
+        let (a, b) = (t.partition_point(|&x| x < part[0]), t.partition_point(|&x| x <= part[1]));
+        let z = &y[a..b];
+        let known = z.iter().filter(|z| z.is_finite()).count();
+        // What is masked for the most part says little.
+        if known > 20 && 2 * known >= z.len() {
+            let steps = z.windows(11).map(|w| w[10] - w[0]);
+            let steps: Vec<f64> = steps.filter(|step| step.is_finite()).collect();
+            let square = steps.iter().map(|s| s * s).sum::<f64>() / steps.len().max(1) as f64;
+            found.push((square, part));
         }
     }
     let halves: [fn(f64, f64) -> bool; 2] = [|t, middle| t < middle, |t, middle| t >= middle];

@@ -15,7 +15,7 @@
 //! nearly nothing beyond chance, the same sensors tell it well where it moves most, and `dy` is several times what is left there.
 //! Then the whole flight is gone through to find where.
 
-use super::consistency::{PART, Row, leave_out};
+use super::consistency::{PART, Row, leave_out, misfit_over, slices};
 use super::following::{Following, lagged};
 use super::found::Found;
 use super::pairs::{Pair, Which, pair};
@@ -23,9 +23,9 @@ use super::path::{FlightPath, Note};
 use super::settings::Settings;
 use super::signals::{Logged, Series};
 use super::slow::slow;
+use super::smoother::Smoother;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
-use super::smoother::{Innovation, Innovations, Nothing, Smoother};
 use super::stretches::{guess, stretches};
 use crate::error::Errors;
 use crate::math::median;
@@ -128,7 +128,7 @@ fn all(
     let smoother = Smoother::new(&kinematics, &flight, f64::INFINITY);
     let stretches = stretches(&flight, &plain);
     let (levels, _) = guess(&kinematics, &flight, &plain);
-    let parts = parts(&stretches);
+    let parts = slices(&stretches);
     let inputs = driving.iter().map(|(t, y)| movements(t, y, &parts));
     let outputs: Vec<Vec<f64>> = moving.iter().map(|m| movements(m.t, &m.z, &parts)).collect();
     let all: Vec<Vec<f64>> = inputs.chain(outputs.iter().cloned()).collect();
@@ -144,16 +144,6 @@ fn all(
         work.asked(k, &all[own], &suspects(&all, own))
     };
     Ok(channels.par_iter().filter_map(ask).collect())
-}
-
-/// Parts of the stretches, all about as long.
-fn parts(stretches: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let of = |&[from, to]: &[f64; 2]| {
-        let count = ((to - from) / PART).floor().max(1.0) as usize;
-        let each = (to - from) / count as f64;
-        (0..count).map(move |i| [from + each * i as f64, from + each * (i + 1) as f64])
-    };
-    stretches.iter().flat_map(of).collect()
 }
 
 /// How much a series moves in each part: root mean square of its changes over `LAG`; NaN where it is not
@@ -236,7 +226,8 @@ impl Work<'_> {
             return Some(Asked { output, scale, spans: Vec::new() });
         }
         // Where the others contradict each other nothing is said of it.
-        if !(self.misfit(k, part) < CONTRADICTED) {
+        let (out, parts) = ([Which::Output(k)], [self.parts[part]]);
+        if !(misfit_over(self.smoother, self.levels, &parts, &out) < CONTRADICTED) {
             return None;
         }
         let mut spans = self.spans(k, least);
@@ -244,17 +235,6 @@ impl Work<'_> {
             spans.push(self.parts[part]);
         }
         Some(Asked { output, scale, spans })
-    }
-
-    /// How well all others fit together over a part: mean normalised innovation squared.
-    fn misfit(&self, k: usize, part: usize) -> f64 {
-        let (mut without, part) = (self.levels.clone(), self.parts[part]);
-        leave_out(self.smoother, &mut without, Which::Output(k));
-        let x = self.smoother.begin(&without, part, None);
-        let mut watch = Innovations::new(self.smoother.flight.channels.len());
-        self.smoother.run(&without, part, &x, &mut watch, &mut Nothing);
-        let sum = |f: fn(&Innovation) -> f64| watch.channels.iter().map(f).sum::<f64>();
-        sum(|c| c.square) / sum(|c| c.count as f64)
     }
 
     /// What was measured of an output, and what all others say of it, over one part.

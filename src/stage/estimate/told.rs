@@ -149,22 +149,26 @@ fn noise_alone_note(config: &Config, batch: &Batch, estimation: &Estimation) -> 
     Some(config.note("", Severity::Warning, batch.group.clone(), noisy.alone.len(), text))
 }
 
+/// Parameters with the factor of each, the first ones by name.
+fn factors(all: &[(String, f64)]) -> String {
+    let each = |(name, by): &(String, f64)| format!("{name} {by:.1}");
+    let named: Vec<String> = all.iter().take(NAMED).map(each).collect();
+    match all.len().saturating_sub(NAMED) {
+        0 => named.join(", "),
+        more => format!("{} and {more} others", named.join(", ")),
+    }
+}
+
 /// Standard deviations that noise of the samples which states start at makes larger.
 fn starts_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
     let noisy = estimation.noisy_starts.as_ref()?;
-    let each = |(name, by): &(String, f64)| format!("{name} {by:.1}");
-    let larger: Vec<String> = noisy.larger.iter().take(NAMED).map(each).collect();
-    let more = match noisy.larger.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} others"),
-    };
     let quoted = |name: &String| format!("\"{name}\"");
     let states: Vec<String> = noisy.states.iter().map(quoted).collect();
     let text = format!(
-        "{}: {} start at one measured sample, whose noise makes sd so many times larger: {}{more} (it is in `sd`, not in `sd_crlb`): `initial = [{}]` under [estimate.method] estimates the starts",
+        "{}: {} start at one measured sample, whose noise makes sd so many times larger: {} (it is in `sd`, not in `sd_crlb`): `initial = [{}]` under [estimate.method] estimates the starts",
         batch.group,
         noisy.states.join(", "),
-        larger.join(", "),
+        factors(&noisy.larger),
         states.join(", ")
     );
     Some(config.note("", Severity::Warning, batch.group.clone(), noisy.larger.len(), text))
@@ -173,16 +177,10 @@ fn starts_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Optio
 /// Standard deviations that are too small because what is left of several outputs goes together.
 fn together_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
     let all = &estimation.together;
-    let each = |(name, by): &(String, f64)| format!("{name} {by:.1}");
-    let larger: Vec<String> = all.iter().take(NAMED).map(each).collect();
-    let more = match all.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} others"),
-    };
     let text = format!(
-        "{}: what is left of several outputs goes together, as where gusts move all of them, and sd take each output for itself: they are so many times too small: {}{more}. Turbulence in the model (gusts are fragments, noise that drives states: filter error) accounts for it",
+        "{}: what is left of several outputs goes together, as where gusts move all of them, and sd take each output for itself: they are so many times too small: {}. Turbulence in the model (gusts are fragments, noise that drives states: filter error) accounts for it",
         batch.group,
-        larger.join(", ")
+        factors(all)
     );
     let note = config.note("", Severity::Warning, batch.group.clone(), all.len(), text);
     (!all.is_empty()).then_some(note)
