@@ -247,8 +247,56 @@ pub(super) enum Stated {
 
 /// Holds the unit of the channel map against the one that the log states for the field.
 pub(super) fn unit(name: &str, signal: &SignalMap, known: &[FieldInfo], place: Place) -> Stated {
-    let mut stated = fields(known, &signal.field).map(|f| stated(name, signal, &f.unit, &place));
-    stated.find(|one| !matches!(one, Stated::Agrees)).unwrap_or(Stated::Agrees)
+    let of_field: Vec<&FieldInfo> = fields(known, &signal.field).collect();
+    let all: Vec<Stated> = of_field.iter().map(|f| stated(name, signal, &f.unit, &place)).collect();
+    let is_wrong = all.iter().any(|one| matches!(one, Stated::Other(_)));
+    if let (true, Some(units)) = (is_wrong, several(&of_field)) {
+        return Stated::Other(several_units(name, signal, &units, place));
+    }
+    // What is known to be wrong counts before what is not known.
+    let worst = |one: &Stated| match one {
+        Stated::Other(_) => 2,
+        Stated::Unknown(_) => 1,
+        Stated::Agrees => 0,
+    };
+    all.into_iter().rev().max_by_key(worst).unwrap_or(Stated::Agrees)
+}
+
+/// The units that several channels of a topic state for a field, where they are not the same.
+fn several<'f>(of_field: &[&'f FieldInfo]) -> Option<Vec<&'f str>> {
+    let mut units: Vec<(&str, Unit)> = Vec::new();
+    for text in of_field.iter().map(|f| f.unit.trim()) {
+        let is_none = NO_UNIT.contains(&text.to_lowercase().as_str());
+        let Some(unit) = Unit::parse(text).ok().filter(|_| !is_none) else { continue };
+        if units.iter().all(|(_, known)| !known.same(&unit)) {
+            units.push((text, unit));
+        }
+    }
+    (units.len() > 1).then(|| units.into_iter().map(|(text, _)| text).collect())
+}
+
+/// A field that several channels of a topic have in several units: no one unit is right for all.
+fn several_units(name: &str, signal: &SignalMap, units: &[&str], place: Place) -> Mistake {
+    let SignalMap { topic, field, unit, .. } = signal;
+    let said = units.iter().map(|u| format!("\"{u}\"")).collect::<Vec<_>>().join(" and in ");
+    let what = format!(
+        "signal \"{name}\" is read in \"{unit}\", but several channels write topic \"{topic}\", and field \"{field}\" is in {said} by the schemas of "
+    );
+    let mine = Unit::parse(unit).ok();
+    let is_other = |text: &&&str| {
+        Unit::parse(text).ok().zip(mine).is_none_or(|(stated, mine)| !stated.same(&mine))
+    };
+    let others: Vec<&&str> = units.iter().filter(is_other).collect();
+    let despite = match others[..] {
+        [other] => format!(
+            "; only where all numbers are in \"{unit}\", and the schema that says \"{other}\" is wrong, add despite = \"{other}\""
+        ),
+        _ => String::new(),
+    };
+    let help = format!(
+        "no one unit is right for both: give each channel a topic of its own in the log{despite}"
+    );
+    Mistake { place, what: [what, String::new()], help: Some(help) }
 }
 
 /// The same of one channel's unit.

@@ -7,7 +7,7 @@
 
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::counts::Counts;
-use super::decode::FieldInfo;
+use super::decode::{FieldInfo, rest_of};
 use super::file::LogFile;
 use super::left_out::Seen;
 use super::listing::{self, Fields};
@@ -15,7 +15,7 @@ use super::parts::{PartData, TopicPlan, decode_parts};
 use super::pauses::{self, Recorded};
 use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
-use super::{Note, agree};
+use super::{Note, agree, clocks};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use indexmap::IndexMap;
@@ -72,6 +72,8 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
             out.insert(name.clone(), signal);
         }
     }
+    // One clock of two is one mistake of all signals that it gives the times of.
+    errors.0.dedup_by(|b, a| a.what == b.what && a.help.as_deref() == Some(clocks::HELP));
     notes.extend(pauses::notes(&out.iter().map(recorded).collect::<Vec<_>>()));
     errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
 }
@@ -156,7 +158,11 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
                 agree::Stated::Other(mistake) => errors.push(mistake.of(&log.name())),
             }
             let stamps = match map.time_source(signal) {
-                TimeSource::Field(path, unit, _) => stamp_paths(&path, unit, &fields),
+                TimeSource::Field(path, unit, _) => {
+                    let mut paths = stamp_paths(&path, unit, &fields);
+                    paths.extend(rest_path(&path, unit));
+                    paths
+                }
                 _ => Vec::new(),
             };
             for path in std::iter::once(signal.field.clone()).chain(stamps) {
@@ -224,6 +230,11 @@ pub(super) fn stamp_paths(path: &str, unit: Option<f64>, fields: &[FieldInfo]) -
         }
     }
     vec![path.to_string()]
+}
+
+/// Where a stamp in whole ns has what an `f64` cannot hold of it.
+pub(super) fn rest_path(path: &str, unit: Option<f64>) -> Option<String> {
+    (unit == Some(1.0)).then(|| rest_of(path))
 }
 
 /// Where the messages of the topics that are read are not as many as the log counts.

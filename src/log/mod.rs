@@ -7,6 +7,9 @@ mod bytes;
 mod channel;
 pub mod channel_map;
 mod chunk;
+#[cfg(test)]
+mod clock_tests;
+mod clocks;
 mod counts;
 #[cfg(test)]
 mod damage_tests;
@@ -24,11 +27,13 @@ mod parts;
 mod pauses;
 mod recorded;
 mod records;
+mod said;
 mod series;
 mod signal;
 mod source;
 #[cfg(test)]
 mod sources_tests;
+mod stamps;
 pub mod starter;
 #[cfg(test)]
 mod storm_tests;

@@ -38,11 +38,13 @@ pub struct Account {
     pub dropped_out_of_range: u64,
     /// Samples dropped because each stands far out of both neighbours.
     pub dropped_spikes: u64,
-    /// Samples dropped because their stamps are more than a day from the others, or in a time that came
-    /// twice as the clock was set back.
+    /// Samples dropped because their stamps are more than a day from the others, in a time that came
+    /// twice as the clock was set back, or of the clock that gave few of two.
     pub dropped_times: u64,
     /// Those of them that lay in a time that came twice.
     pub dropped_twice: u64,
+    /// Those of them that another clock gave.
+    pub dropped_clock: u64,
     /// Places where the stamp moved against the log time (or the log time moved backwards) by more
     /// than a second.
     pub clock_jumps: u64,

@@ -2,17 +2,17 @@
 //! account and notes out.
 
 use super::around::{around, turn};
-use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero, Trend};
+use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero};
+use super::clocks;
 use super::decode::{is_damaged, is_unreadable};
 use super::file::LogFile;
-use super::flight::{SignalLog, stamp_paths};
+use super::flight::{SignalLog, rest_path, stamp_paths};
 use super::left_out::{self, Fate, Seen};
 use super::parts::{Columns, PartData, TopicPlan};
 use super::series::{
     Account, Series, clock_jumps, describe, drop_stray_times, drop_twice, order, seconds,
 };
-use super::turned::Back;
-use super::{Note, agree, words};
+use super::{Note, agree, said, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::signal::spikes;
@@ -68,9 +68,18 @@ impl Context<'_> {
         if raw.clone().all(is_unreadable) {
             return Err(error("field", self.no_such_field(plan, signal)).into());
         }
+        let clocks = clocks::left_out(&stamps).map_err(|why| {
+            let what = format!("topic \"{}\" of {}: {why}", signal.topic, self.log.name());
+            error(self.time_key(signal), what).help(clocks::HELP)
+        })?;
+        let mut of_another = vec![false; if clocks.is_empty() { 0 } else { messages }];
+        clocks.iter().flat_map(|two| &two.fewer).for_each(|&k| of_another[k] = true);
         let mut samples: Vec<(i64, f64)> = Vec::with_capacity(messages);
-        for (stamp, value) in stamps.iter().zip(raw) {
+        for (k, (stamp, value)) in stamps.iter().zip(raw).enumerate() {
             match stamp {
+                Some(_) if value.is_finite() && of_another.get(k) == Some(&true) => {
+                    account.dropped_clock += 1;
+                }
                 Some(stamp) if value.is_finite() => samples.push((*stamp, value)),
                 Some(_) if !is_unreadable(value) => account.dropped_nan += 1,
                 _ => {
@@ -79,12 +88,17 @@ impl Context<'_> {
                 }
             }
         }
+        account.dropped_times += account.dropped_clock;
         let twice = drop_twice(&mut samples, &mut account);
         order(&mut samples, &mut account);
         drop_stray_times(&mut samples, &mut account);
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
+        if samples.is_empty() && !signal.optional {
+            let what = format!("{}: {}", self.log.name(), said::nothing_left(&account));
+            return Err(error("field", what).help(MAY_LACK).into());
+        }
         let turns = around(name, signal, &mut samples);
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
@@ -92,10 +106,11 @@ impl Context<'_> {
         };
         describe(&series, &samples, &mut account);
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
-        notes.extend(set_back(name, &account, &twice));
-        notes.extend(told(name, signal, &unit, &left_out));
+        notes.extend(said::another_clock(name, &account, &clocks));
+        notes.extend(said::set_back(name, &account, &twice));
+        notes.extend(said::told(name, signal, &unit, &left_out));
         notes.extend(turns);
-        notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
+        notes.extend(signal.trend.and_then(|trend| said::against(name, signal, trend, &series)));
         Ok((SignalLog { series, account, left_out }, notes))
     }
 
@@ -163,7 +178,17 @@ impl Context<'_> {
                 .zip(column(plan, data, nanosec))
                 .map(|(s, ns)| stamp(whole(s, 1.0)? * 1_000_000_000 + whole(ns, 1.0)?))
                 .collect(),
-            (_, Some(unit)) => column(plan, data, path).map(|x| stamp(whole(x, unit)?)).collect(),
+            (_, Some(unit)) => {
+                let rest = rest_path(path, Some(unit));
+                let rest = rest.filter(|rest| plan.paths.contains(rest));
+                let rests = rest.iter().flat_map(|rest| column(plan, data, rest));
+                // Only what is there counts: a number with a point has nothing but itself.
+                let rests = rests.map(|x| if x.is_finite() { x as i128 } else { 0 });
+                column(plan, data, path)
+                    .zip(rests.chain(std::iter::repeat(0)))
+                    .map(|(x, rest)| stamp(whole(x, unit)? + rest))
+                    .collect()
+            }
             _ => {
                 let what = format!(
                     "the time stamp \"{path}\" of topic \"{}\" needs a time_unit",
@@ -205,7 +230,7 @@ impl Context<'_> {
         }
         let range = format!("{} {of} outside its range, dropped", a.dropped_out_of_range);
         say(a.dropped_out_of_range, range);
-        let strays = a.dropped_times - a.dropped_twice;
+        let strays = a.dropped_times - a.dropped_twice - a.dropped_clock;
         say(strays, format!("{strays} {of} with times more than a day from the others, dropped"));
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         notes.append(&mut few);
@@ -239,20 +264,8 @@ impl Context<'_> {
     }
 }
 
-/// What is said of a time that came twice.
-fn set_back(name: &str, a: &Account, twice: &[Back]) -> Option<Note> {
-    let largest = twice.iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))?;
-    let (at, by) = (seconds(largest.to), largest.seconds());
-    let text = format!(
-        "{} {}: the clock was set back at {} places (by {by:.3} s at {at:.3} s): {} of {} messages of a time that came twice, dropped",
-        a.topic,
-        a.field,
-        twice.len(),
-        a.dropped_twice,
-        a.messages
-    );
-    Some(Note::warning(name, a.dropped_twice, text))
-}
+/// What to do where a log has no sample of a signal.
+const MAY_LACK: &str = "optional = true says that a log may lack it: its flight is read without";
 
 /// Drops samples outside the range and spikes; they are returned with their neighbours.
 fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Account) -> Vec<Seen> {
@@ -273,52 +286,6 @@ fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Acc
         samples.retain(|_| fates.next() == Some(&Fate::Kept));
     }
     seen
-}
-
-/// Spikes that a note tells one by one.
-const TOLD: usize = 3;
-
-/// What is said of spikes, as the log has them.
-fn told(name: &str, signal: &SignalMap, unit: &Unit, left_out: &[Seen]) -> Option<Note> {
-    let factor = f64::from(signal.sign) * signal.scale;
-    let one = |seen: &&Seen| {
-        let value = crate::math::digits(unit.from_si((seen.value - signal.offset) / factor));
-        format!("{value} {} at {:.3} s", signal.unit, seen.t_s)
-    };
-    let spikes: Vec<&Seen> = left_out.iter().filter(|s| s.fate == Fate::Spike).collect();
-    let first: Vec<String> = spikes.iter().take(TOLD).map(one).collect();
-    let more = if spikes.len() > TOLD { ", ..." } else { "" };
-    let text = format!(
-        "{} {}: {} of its samples stand{} far out of both neighbours, dropped (spikes = \"keep\" in the channel map keeps them): {}{more}",
-        signal.topic,
-        signal.field,
-        spikes.len(),
-        if spikes.len() == 1 { "s" } else { "" },
-        first.join(", ")
-    );
-    (!spikes.is_empty()).then(|| Note::warning(name, spikes.len() as u64, text))
-}
-
-/// What a signal does that goes against what the map says of it, in the log's unit.
-fn against(name: &str, signal: &SignalMap, trend: Trend, series: &Series) -> Option<Note> {
-    let (way, does, says) = match trend {
-        Trend::Falls => (1.0, "rises", "falls"),
-        Trend::Rises => (-1.0, "falls", "rises"),
-    };
-    let turned: Vec<f64> = series.value.iter().map(|value| way * value).collect();
-    let rise = crate::signal::trend::rise(&series.t_s, &turned)?;
-    let unit = Unit::parse(&signal.unit).ok()?;
-    let text = format!(
-        "{} {}: {does} by {:.4} {} from {:.0} to {:.0} s, but trend = \"{says}\" says that it only {says}; what follows from it is wrong in this flight \
-         if the signal is (topic, field, unit and sign of the map; a tank that is not counted)",
-        signal.topic,
-        signal.field,
-        unit.from_si(rise.by) - unit.from_si(0.0),
-        signal.unit,
-        rise.from_s,
-        rise.to_s
-    );
-    Some(Note::warning(name, 1, text))
 }
 
 /// The fields of a topic that a map can name.

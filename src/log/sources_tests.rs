@@ -42,8 +42,21 @@ fn fault_channels_of_one_topic_in_different_units_are_refused() {
     for units in [["deg", "rad"], ["rad", "deg"]] {
         written(&path, &units, &[(0, 1.0), (0, 1.5), (1, 0.03)]);
         let why = read(&path, MAP).expect_err("two units");
-        assert!(why.contains("is in \"rad\""), "{why}");
+        let said =
+            format!("is in \"{}\" and in \"{}\" by the schemas of a.mcap", units[0], units[1]);
+        assert!(why.contains(&said), "{why}");
+        // the advice does not go round in a circle: neither unit is recommended
+        let advice = "give each channel a topic of its own in the log; only where all numbers are in \"deg\", and the schema that says \"rad\" is wrong, add despite = \"rad\"";
+        assert!(why.contains(advice) && !why.contains("write unit"), "{why}");
+        let other = MAP.replace("\"deg\"", "\"rad\"");
+        let why = read(&path, &other).expect_err("two units");
+        assert!(why.contains("add despite = \"deg\"") && !why.contains("write unit"), "{why}");
+        read(&path, &(MAP.to_string() + "despite = \"rad\"\n")).expect("it is said");
     }
+    // one that is not known does not hide one that is known to be another
+    written(&path, &["furlong", "rad"], &[(0, 1.0), (0, 1.5), (1, 0.03)]);
+    let why = read(&path, MAP).expect_err("another unit");
+    assert!(why.contains("is in \"rad\" by the schema"), "{why}");
 }
 
 #[test]

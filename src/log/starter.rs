@@ -2,6 +2,7 @@
 
 use super::guess::{self, Known};
 use super::inspect::{FieldSurvey, Short, Survey, TopicSurvey, survey};
+use super::stamps;
 use crate::error::{Error, Errors};
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
@@ -93,9 +94,7 @@ fn candidates(surveys: &[Survey]) -> Vec<Candidate<'_>> {
 /// The channel map's text, and how many entries are to be completed.
 fn channels(surveys: &[Survey], candidates: &[Candidate]) -> (String, usize) {
     let mut text = String::from(CHANNELS);
-    let published = surveys.iter().flat_map(|s| &s.topics).any(|t| t.has_publish_time);
-    let time = if published { "publish" } else { "log" };
-    let _ = write!(text, "[defaults]\ntime = \"{time}\"\n");
+    text.push_str(&stamps::of(surveys));
     let mut open = 0;
     for known in guess::KNOWN {
         let Some(c) = candidates.iter().find(|c| c.known.is_some_and(|k| k.signal == known.signal))

@@ -486,6 +486,9 @@ fn the_starter_folder_is_accepted_but_for_the_open_entries() {
         "{said}"
     );
     let text = std::fs::read_to_string(out.join("channels.toml")).unwrap();
+    // which of the times it took is said
+    let said = "# The time of a sample: when the recorder received a message; the logs have no other publish times.\n[defaults]\ntime = \"log\"\n";
+    assert!(text.contains(said), "{text}");
     let open = read(&path, &text).unwrap_err();
     assert_eq!(open.lines().filter(|l| l.starts_with("channels.toml:")).count(), 1, "{open}");
     // Completed, and with every commented field taken in, it reads the log.

@@ -72,6 +72,7 @@ impl Store {
     /// It has records of a form, or tables of a version, that only a later program reads.
     pub fn look(root: &Path) -> Result<Store> {
         let store = Store::open(root);
+        readable(&root.join(MARK).join("records.jsonl"))?;
         if let Ok(said) = std::fs::read_to_string(store.tables_path()) {
             let place = Place::file(store.tables_path().to_string_lossy());
             table::known(&said, "the tables of this output folder have")
@@ -265,6 +266,25 @@ impl Store {
     }
 }
 
+/// Whether the file of the records can be read, or is not there. One that is there and cannot be is not the
+/// same as none: everything would be made again, and nothing would be said.
+///
+/// # Errors
+/// It cannot be read.
+fn readable(path: &Path) -> Result<()> {
+    let opened = File::open(path).and_then(|file| file.metadata());
+    let why = match opened {
+        Ok(about) if about.is_file() => return Ok(()),
+        Ok(_) => "it is no file".to_string(),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => e.to_string(),
+    };
+    let what = format!("the records of this output folder cannot be read: {why}");
+    Err(Error::at(Place::file(path.to_string_lossy()), what).help(
+        "make it readable; or remove it, and everything is made again; or take another folder with --out",
+    ))
+}
+
 /// Hands bytes on, and hashes them on their way.
 struct Hashing<W> {
     to: W,
@@ -295,6 +315,24 @@ mod tests {
         assert!(store.lock().is_err());
         drop(first);
         assert!(store.lock().is_ok());
+    }
+
+    #[test]
+    fn fault_records_that_cannot_be_read_are_not_the_same_as_none() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        assert!(Store::look(dir.path()).is_ok(), "none yet");
+        let path = dir.path().join(MARK).join("records.jsonl");
+        std::fs::create_dir_all(&path).expect("a folder in its place");
+        for opened in [Store::look(dir.path()), Store::claim(dir.path(), true)] {
+            let e = opened.expect_err("refused").to_string();
+            assert!(
+                e.contains("records.jsonl: the records of this output folder cannot be read"),
+                "{e}"
+            );
+        }
+        std::fs::remove_dir(&path).expect("removed");
+        std::fs::write(&path, b"").expect("written");
+        assert!(Store::look(dir.path()).is_ok(), "readable");
     }
 
     #[test]

@@ -49,10 +49,7 @@ impl Channels {
 /// becomes `m/s`.
 fn si(unit: &str) -> String {
     let is_si = |text: &str| Unit::parse(text).is_ok_and(|u| u.is_si());
-    // The dimension alone would lose the radian.
-    let radians = ["degrees", "degree", "°", "deg", "radians", "radian"]
-        .iter()
-        .fold(unit.to_string(), |text, word| text.replace(word, "rad"));
+    let radians = Unit::in_radians(unit);
     match Unit::parse(unit) {
         _ if is_si(&radians) => radians,
         _ if is_si(unit) => unit.to_string(),
@@ -79,6 +76,9 @@ mod tests {
             ("m/s^2", "m/s^2"),
             ("degC", "K"),
             ("degrees/s", "rad/s"),
+            ("dps", "rad/s"),
+            ("rpm", "rad/s"),
+            ("mrad", "rad"),
             ("knots", "m/s"),
             ("hPa", "Pa"),
             ("lbf", "N"),

@@ -3,6 +3,7 @@
 //! `rad` is dimensionless. Only `log` converts values; everywhere else units are coherent SI and
 //! serve checks and display.
 
+mod hints;
 mod simplify;
 
 pub use simplify::simplified;
@@ -92,13 +93,14 @@ const UNITS: &[(&str, [i16; 5], f64, f64)] = &[
     ("nmi", [0, 1, 0, 0, 0], 1852.0, 0.0), ("l", [0, 3, 0, 0, 0], 1e-3, 0.0),
     ("s", [0, 0, 1, 0, 0], 1.0, 0.0), ("ms", [0, 0, 1, 0, 0], 1e-3, 0.0), ("us", [0, 0, 1, 0, 0], 1e-6, 0.0),
     ("ns", [0, 0, 1, 0, 0], 1e-9, 0.0), ("min", [0, 0, 1, 0, 0], 60.0, 0.0), ("h", [0, 0, 1, 0, 0], 3600.0, 0.0),
-    ("Hz", [0, 0, -1, 0, 0], 1.0, 0.0),
+    ("Hz", [0, 0, -1, 0, 0], 1.0, 0.0), ("kHz", [0, 0, -1, 0, 0], 1e3, 0.0),
     ("kt", [0, 1, -1, 0, 0], 1852.0 / 3600.0, 0.0), ("kn", [0, 1, -1, 0, 0], 1852.0 / 3600.0, 0.0),
     ("fpm", [0, 1, -1, 0, 0], 0.3048 / 60.0, 0.0), ("mph", [0, 1, -1, 0, 0], 0.44704, 0.0),
     ("g", [0, 1, -2, 0, 0], G0, 0.0),
     ("N", [1, 1, -2, 0, 0], 1.0, 0.0), ("kN", [1, 1, -2, 0, 0], 1e3, 0.0), ("lbf", [1, 1, -2, 0, 0], LB * G0, 0.0),
     ("Pa", [1, -1, -2, 0, 0], 1.0, 0.0), ("hPa", [1, -1, -2, 0, 0], 100.0, 0.0), ("kPa", [1, -1, -2, 0, 0], 1e3, 0.0),
     ("mbar", [1, -1, -2, 0, 0], 100.0, 0.0), ("bar", [1, -1, -2, 0, 0], 1e5, 0.0),
+    ("MPa", [1, -1, -2, 0, 0], 1e6, 0.0), ("psf", [1, -1, -2, 0, 0], LB * G0 / (0.3048 * 0.3048), 0.0),
     ("psi", [1, -1, -2, 0, 0], LB * G0 / (0.0254 * 0.0254), 0.0), ("inHg", [1, -1, -2, 0, 0], 3386.389, 0.0),
     ("J", [1, 2, -2, 0, 0], 1.0, 0.0), ("W", [1, 2, -3, 0, 0], 1.0, 0.0), ("kW", [1, 2, -3, 0, 0], 1e3, 0.0),
     ("A", [0, 0, 0, 1, 0], 1.0, 0.0), ("mA", [0, 0, 0, 1, 0], 1e-3, 0.0),
@@ -119,6 +121,9 @@ const SYNONYMS: &[(&str, &str)] = &[
     ("newton", "N"), ("newtons", "N"), ("pascal", "Pa"), ("pascals", "Pa"), ("mb", "mbar"), ("ampere", "A"), ("amperes", "A"), ("amps", "A"),
     ("volt", "V"), ("volts", "V"), ("kelvin", "K"), ("Kelvin", "K"), ("°C", "degC"), ("celsius", "degC"), ("Celsius", "degC"),
     ("°F", "degF"), ("fahrenheit", "degF"), ("Fahrenheit", "degF"),
+    ("KT", "kt"), ("KTS", "kt"), ("Kts", "kt"), ("MPH", "mph"), ("FT", "ft"), ("FPM", "fpm"),
+    ("pct", "%"), ("psia", "psi"), ("PSI", "psi"), ("PSF", "psf"), ("LBS", "lb"), ("Nm", "N m"), ("pph", "lb/h"), ("PPH", "lb/h"),
+    ("ft-lb", "ft lbf"), ("ft-lbf", "ft lbf"), ("lb-ft", "ft lbf"),
 ];
 
 /// Scales that differ by no more than this share are the same: tables of constants are rounded.
@@ -138,7 +143,8 @@ impl Unit {
         }
         let chars: Vec<char> = trimmed.chars().collect();
         let mut reader = Reader { chars: &chars, at: 0, text: trimmed };
-        let unit = reader.product()?;
+        let meant = |e| hint(trimmed).map_or(e, |meant| format!("unit \"{trimmed}\": {meant}"));
+        let unit = reader.product().map_err(meant)?;
         if reader.at < chars.len() {
             return Err(format!(
                 "unit \"{trimmed}\": \"{}\" is not expected here",
@@ -153,14 +159,28 @@ impl Unit {
         self.scale == 1.0 && self.offset == 0.0
     }
 
+    /// The text with `rad` in place of other angles, `rad/s` of what turns: a dimension alone loses them.
+    pub fn in_radians(text: &str) -> String {
+        let angles = [
+            ("deg/s", "rad/s"),
+            ("dps", "rad/s"),
+            ("rpm", "rad/s"),
+            ("RPM", "rad/s"),
+            ("degrees", "rad"),
+            ("degree", "rad"),
+            ("deg", "rad"),
+            ("°", "rad"),
+            ("mrad", "rad"),
+            ("radians", "rad"),
+            ("radian", "rad"),
+            ("rev", "rad"),
+        ];
+        angles.iter().fold(text.to_string(), |text, (name, rad)| text.replace(name, rad))
+    }
+
     /// The coherent SI unit of what a unit measures: angles stay angles, `rad/s` for `deg/s`.
     pub fn si_of(text: &str, dim: Dim) -> String {
-        let angles = ["deg/s", "dps", "rpm", "RPM", "degrees", "degree", "deg", "°", "mrad", "rev"];
-        let rad = |name: &str| {
-            if matches!(name, "deg/s" | "dps" | "rpm" | "RPM") { "rad/s" } else { "rad" }
-        };
-        let renamed =
-            angles.iter().fold(text.to_string(), |text, name| text.replace(name, rad(name)));
+        let renamed = Unit::in_radians(text);
         match Unit::parse(&renamed) {
             Ok(unit) if unit.is_si() && unit.dim == dim && renamed != text => renamed,
             _ if dim == Dim::NONE => "rad or -".to_string(),
@@ -182,6 +202,12 @@ impl Unit {
     pub fn from_si(&self, si: f64) -> f64 {
         (si - self.offset) / self.scale
     }
+}
+
+/// What may be meant by a name that is not known.
+fn hint(name: &str) -> Option<String> {
+    let known: Vec<&str> = UNITS.iter().map(|unit| unit.0).collect();
+    hints::hint(name, &known)
 }
 
 fn lookup(name: &str) -> Option<Unit> {
@@ -270,7 +296,8 @@ impl Reader<'_> {
             } else {
                 name.clone()
             };
-            format!("unit \"{}\": \"{got}\" is not a known unit", self.text)
+            let meant = hint(&got).map_or(String::new(), |meant| format!("; {meant}"));
+            format!("unit \"{}\": \"{got}\" is not a known unit{meant}", self.text)
         })?;
         match self.exponent()? {
             None => Ok(unit),
@@ -345,6 +372,11 @@ mod tests {
             ("s^-1", 1.0, 1.0, "1/s"),
             ("g", 1.0, 9.80665, "m/s^2"),
             ("lb/h", 3600.0, 0.45359237, "kg/s"),
+            ("psf", 1.0, 47.88025898033584, "kg/(m s^2)"),
+            ("KTS", 100.0, 51.44444444444444, "m/s"),
+            ("Nm/rad", 1.0, 1.0, "kg m^2/s^2"),
+            ("ft-lb", 1.0, 1.3558179483314003, "kg m^2/s^2"),
+            ("pph", 3600.0, 0.45359237, "kg/s"),
             ("-", 1.0, 1.0, "-"),
             ("deg/s^1.5", 180.0, std::f64::consts::PI, "1/s^1.5"),
         ] {

@@ -108,6 +108,41 @@ fn an_input_is_never_written_over_and_a_foreign_file_only_with_force() {
 }
 
 #[test]
+fn fault_an_import_that_fails_says_that_the_log_of_an_earlier_one_stays() {
+    let import = Import::new(&format!("input = [\"a.csv\"]\noutput = \"a.mcap\"\n{CSV}"));
+    let stays = "a.mcap is still that of an earlier import: what reads it reads the old log";
+    import.put("a.csv", "t,x\n0,1\n1,two\n");
+    let (code, _, err) = import.koehler(&[]);
+    assert!(code == 2 && !err.contains(stays), "there is none yet: {err}");
+    import.put("a.csv", "t,x\n0,1\n1,2\n");
+    import.fine(&[]);
+    let log = std::fs::read(import.at("a.mcap")).expect("a log");
+    for (text, why) in [("t,x\n0,1\n1,two\n", "\"two\" is no number"), ("", "the file is empty")] {
+        import.put("a.csv", text);
+        import.refused(&[], &[why, stays]);
+        assert_eq!(std::fs::read(import.at("a.mcap")).expect("a log"), log);
+    }
+}
+
+#[test]
+fn fault_a_name_of_a_column_in_another_unit_is_refused() {
+    let of = |more: &str| {
+        format!(
+            "input = [\"a.csv\"]\noutput = \"a.mcap\"\nseparator = \"comma\"\nheader_lines = 1\ntime = {{ column = \"t [s]\", unit = \"s\" }}\n[[topic]]\nname = \"/x\"\nfields = [{{ column = \"alpha [deg]\", name = \"alpha\", unit = \"rad\"{more} }}]\n"
+        )
+    };
+    let import = Import::new(&of(""));
+    import.put("a.csv", "t [s],alpha [deg]\n0,1\n1,2\n");
+    let words = [
+        "import.toml:8:",
+        "column \"alpha [deg]\" is in \"deg\" by the header, but unit = \"rad\"",
+    ];
+    import.refused(&[], &words);
+    import.put("import.toml", of(", despite = \"deg\""));
+    import.fine(&[]);
+}
+
+#[test]
 fn a_run_takes_no_folder_of_others_without_force() {
     let c = Campaign::new();
     std::fs::create_dir_all(c.path("data/signals/flight=a")).expect("made");

@@ -12,6 +12,7 @@ use super::channel::Channel;
 
 pub(super) use encoding::Gathered;
 pub use encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, is_damaged, is_unreadable};
+pub(super) use paths::rest_of;
 
 /// Everything that can be decoded.
 const ENCODINGS: &[Encoding] = &[json::ENCODING, protobuf::ENCODING, cdr::ENCODING];

@@ -1,6 +1,21 @@
 //! Paths of fields (`pose.position.x`, `states.0.value`) in; what of them lies below a field or an
 //! item of a list out.
 
+/// Below a field that is a number: what a whole number is above the nearest `f64`, which is the field's own
+/// value. Whole ns since 1970 are rounded to 256 by themselves. Nothing is there where the number is none that
+/// is rounded.
+const REST: &str = "\u{1}rest";
+
+/// The path of what the number at `path` is above its nearest `f64`.
+pub fn rest_of(path: &str) -> String {
+    joined(path, REST)
+}
+
+/// What a whole number is above its nearest `f64`: not above 512 where it has 64 bits, and so exact.
+pub(super) fn rest(whole: i128) -> f64 {
+    (whole - whole as f64 as i128) as f64
+}
+
 /// A path that is wanted (what is left of it) and the slot that its number goes to.
 pub(super) type Wanted<'a> = (&'a [&'a str], usize);
 
@@ -26,6 +41,11 @@ pub(super) fn below<'a>(wanted: &[Wanted<'a>], name: &str) -> Vec<Wanted<'a>> {
 /// The slot of the number that a path ends at.
 pub(super) fn here(wanted: &[Wanted]) -> Option<usize> {
     wanted.iter().find(|w| w.0.is_empty()).map(|w| w.1)
+}
+
+/// The slot of what the number that a path ends at is above its nearest `f64`.
+pub(super) fn rest_here(wanted: &[Wanted]) -> Option<usize> {
+    wanted.iter().find(|w| *w.0 == [REST]).map(|w| w.1)
 }
 
 /// Slots of the wanted numbers of a list, by place in the list, ascending.

@@ -74,7 +74,7 @@ fn word(bytes: &[u8], at: usize) -> Result<u32, String> {
     let four = bytes
         .get(at..at + 4)
         .and_then(|b| b.try_into().ok())
-        .ok_or("the file ends inside an element")?;
+        .ok_or("the file ends inside an element: it was cut short")?;
     Ok(u32::from_le_bytes(four))
 }
 
@@ -90,7 +90,8 @@ fn next<'a>(rest: &mut &'a [u8]) -> Result<Element<'a>, String> {
         let padded = if tag == COMPRESSED { size } else { size.next_multiple_of(8) };
         (tag, 8, size, 8 + padded)
     };
-    let data = rest.get(from..from + size).ok_or("the file ends inside an element")?;
+    let data =
+        rest.get(from..from + size).ok_or("the file ends inside an element: it was cut short")?;
     *rest = rest.get(whole..).unwrap_or_default();
     Ok(Element { kind, data })
 }

@@ -6,9 +6,12 @@ use super::settings::{Along, Column, Import};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 
+/// How a MAT file of level 5 begins.
+pub const MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
+
 /// Is this a MAT file of level 5?
 pub fn is_mat(bytes: &[u8]) -> bool {
-    bytes.len() >= 128 && bytes.starts_with(b"MATLAB 5.0 MAT-file")
+    bytes.len() >= 128 && bytes.starts_with(MAGIC)
 }
 
 /// Is this what newer versions of MATLAB write with -v7.3?

@@ -3,7 +3,9 @@
 mod cells;
 mod check;
 mod clock;
+mod cut;
 mod find;
+mod head;
 mod letters;
 mod level5;
 mod mat;
@@ -17,6 +19,8 @@ mod steps;
 #[cfg(test)]
 mod tests;
 mod text;
+#[cfg(test)]
+mod text_tests;
 mod ulog;
 mod width;
 
@@ -93,9 +97,26 @@ pub fn run(
     let mut errors = Errors::default();
     let done = sources
         .iter()
-        .filter_map(|source| errors.take(convert(&settings, &doc, source, output(source))))
+        .filter_map(|source| {
+            let made = convert(&settings, &doc, source, output(source));
+            errors.take(made.map_err(|e| left_behind(e, &output(source))))
+        })
         .collect();
     Ok((done, errors))
+}
+
+/// The mistakes of a file that gave no log, with a word on one that an earlier import has left in its place:
+/// runs would go on with it.
+fn left_behind(mut errors: Errors, output: &Path) -> Errors {
+    if let Some(last) = errors.0.last_mut().filter(|_| output.exists()) {
+        let stays = format!(
+            "{} is still that of an earlier import: what reads it reads the old log",
+            output.display()
+        );
+        let help = last.help.take();
+        last.help = Some(help.map_or(stays.clone(), |help| format!("{help}; {stays}")));
+    }
+    errors
 }
 
 /// Reads a file and writes its log.
@@ -152,6 +173,9 @@ fn read(settings: &Import, doc: &Doc, source: &Source) -> Result<Read, Errors> {
     let file: &str = &source.path.to_string_lossy();
     let at = |what: String| Error::at(Place::file(file), what);
     let bytes = std::fs::read(&source.path).map_err(|e| at(e.to_string()))?;
+    if let Some(what) = cut::what_is_missing(&bytes) {
+        return Err(at(what.into()).help("copy or record the file again").into());
+    }
     if settings.signals == Along::Rows && !mat::is_mat(&bytes) {
         return Err(doc.error("signals", format!("{file} is no MAT file of matrices")).into());
     }

@@ -12,9 +12,12 @@ use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
+/// How a Parquet file begins, and ends.
+pub const MAGIC: &[u8] = b"PAR1";
+
 /// Is this a Parquet file?
 pub fn is_parquet(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1")
+    bytes.len() > MAGIC.len() && bytes.starts_with(MAGIC) && bytes.ends_with(MAGIC)
 }
 
 /// Reads the columns that the description names. Values that are null are NaN.

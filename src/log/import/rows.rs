@@ -2,6 +2,7 @@
 //! which every kind of file is handed on.
 
 use super::clock::Clock;
+use super::head::other_unit;
 use super::settings::{Column, Import, Time, Topic};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
@@ -207,8 +208,12 @@ fn fields(
             Values::Numbers(all) => Ok((wanted.words(), all.into_iter().map(known).collect())),
             Values::Stamps(_) => Err(format!("{} has times, no numbers", wanted.words())),
         });
-        let at = format!("topic.{topic}.fields.{k}.column");
-        all.extend(errors.take(values.map_err(|e| doc.error(&at, e))));
+        let key = format!("topic.{topic}.fields.{k}");
+        if let Column::Name(name) = &field.column {
+            let other = other_unit(name, &field.unit, field.despite.as_deref());
+            errors.0.extend(other.map(|other| field.other_unit(doc, &key, &other)));
+        }
+        all.extend(errors.take(values.map_err(|e| doc.error(&format!("{key}.column"), e))));
     }
     errors.or(all)
 }

@@ -2,6 +2,8 @@
 //! them.
 
 use super::clock::TIME_OF_DAY;
+use crate::config::Doc;
+use crate::error::Error;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -157,14 +159,42 @@ pub struct Field {
     pub matrix: Option<String>,
     /// Name of the field in the message.
     pub name: String,
-    /// Unit of the numbers, for example "deg" or "m/s".
+    /// Unit of the numbers, for example "deg" or "m/s". Where the header of a text, or the name of the column,
+    /// says another one in brackets, that is an error, unless `despite` says so.
     pub unit: String,
+    /// The unit that the header says where that is wrong and `unit` is right: unit = "rad", despite = "deg".
+    #[serde(default)]
+    pub despite: Option<String>,
     /// What it is, with its sign convention.
     #[serde(default)]
     pub doc: String,
 }
 
+impl Field {
+    /// The mistake of a field, which stands at `key`, whose column is in another unit by the file.
+    pub fn other_unit(&self, doc: &Doc, key: &str, other: &str) -> Error {
+        let column = match &self.column {
+            Column::Number(n) => n.to_string(),
+            Column::Name(name) => format!("\"{name}\""),
+        };
+        let unit = &self.unit;
+        let what =
+            format!("column {column} is in \"{other}\" by the header, but unit = \"{unit}\"");
+        doc.error(&format!("{key}.unit"), what).help(format!(
+            "write unit = \"{other}\"; where the header is wrong, keep unit = \"{unit}\" and add despite = \"{other}\""
+        ))
+    }
+}
+
 impl Import {
+    /// Whether any column is given by its name.
+    pub fn has_names(&self) -> bool {
+        let is_name = |column: &Column| matches!(column, Column::Name(_));
+        let times = self.time.iter().chain(self.topic.iter().filter_map(|t| t.time.as_ref()));
+        self.topic.iter().flat_map(|t| &t.fields).any(|f| is_name(&f.column))
+            || times.filter_map(|t| t.column.as_ref()).any(is_name)
+    }
+
     /// Whether a number stands for a missing value.
     pub fn says_missing(&self, number: f64) -> bool {
         let is = |m: &String| fast_float2::parse::<f64, _>(m).is_ok_and(|m| m == number);

@@ -4,7 +4,9 @@
 use super::midnight::carried_on;
 use super::rows::Rows;
 use super::steps::{lacking, usual};
+use crate::log::clocks::{Two, too_many, two_clocks};
 use crate::log::turned::{Back, turned_back};
+use std::collections::BTreeSet;
 
 /// What clocks count that begin anew, s: a day, a week of GPS, 32 bits of microseconds and of
 /// milliseconds.
@@ -35,12 +37,13 @@ impl Rows {
         notes.extend(anew.map(|note| format!("topic {topic}: {note}")));
         notes.extend(self.lacking().map(|note| format!("topic {topic}: {note}")));
         self.without_values();
+        notes.extend(self.of_one_clock(topic)?);
         let times = self.times();
         let twice = turned_back(&times, |a, b| self.of(a) == self.of(b));
         let mut order: Vec<usize> = (0..times.len()).collect();
         order.retain(|&row| !twice.iter().any(|back| back.holds(times[row])));
         let dropped = times.len() - order.len();
-        let backs: Vec<String> = twice.iter().map(|back| set_back(&times, back)).collect();
+        let backs: Vec<String> = twice.iter().map(set_back).collect();
         let all = times.len();
         if dropped as f64 > TWICE * all as f64 {
             return Err(format!(
@@ -69,6 +72,24 @@ impl Rows {
             self.take(&order);
         }
         Ok(notes)
+    }
+
+    /// Leaves out what another clock gave than the others, where that are few.
+    fn of_one_clock(&mut self, topic: &str) -> Result<Vec<String>, String> {
+        let (clocks, all) = (two_clocks(&self.times()), self.stamp.len());
+        let said = |two: &Two| format!("topic {topic}: behind row {}: {}", two.at, two.words());
+        if let Some(many) = too_many(&clocks, all) {
+            return Err(format!("{}; give each part as a file of its own", said(many)));
+        }
+        let out: BTreeSet<usize> = clocks.iter().flat_map(|two| &two.fewer).copied().collect();
+        if !out.is_empty() {
+            self.take(&(0..all).filter(|row| !out.contains(row)).collect::<Vec<_>>());
+        }
+        let left_out = |two: &Two| {
+            let few = two.fewer.len();
+            format!("{}: {few} of {all} rows, of the one that gave fewer, are left out", said(two))
+        };
+        Ok(clocks.iter().map(left_out).collect())
     }
 
     fn times(&self) -> Vec<i64> {
@@ -136,10 +157,8 @@ impl Rows {
     }
 }
 
-fn set_back(times: &[i64], back: &Back) -> String {
-    let row = times.windows(2).position(|w| w[0] == back.to && w[1] == back.from);
-    let row = row.map_or(0, |row| row + 1);
-    format!("after row {row} of its data the time goes back by {:.3} s", back.seconds())
+fn set_back(back: &Back) -> String {
+    format!("after row {} of its data the time goes back by {:.3} s", back.at, back.seconds())
 }
 
 #[cfg(test)]
@@ -188,6 +207,24 @@ mod tests {
         let notes = stacked.settle("/t", None).expect("those of the other are none");
         assert_eq!(notes, Vec::<String>::new());
         assert_eq!(stacked.stamp.len(), 101);
+    }
+
+    #[test]
+    fn fault_rows_of_a_clock_that_was_set_back_to_before_the_file_are_not_mixed_in() {
+        let of = |at: u32| {
+            let t = move |k: u32| 500.0 + 0.02 * f64::from(k) - if k < at { 0.0 } else { 300.0 };
+            rows((0..600).map(move |k| (t(k), f64::from(k))))
+        };
+        let error = of(300).settle("/t", None).expect_err("half is of another clock");
+        assert!(
+            error.contains("behind row 300: the clock was set back by 299.980 s")
+                && error.contains("a file of its own"),
+            "{error}"
+        );
+        let mut few = of(570);
+        let notes = few.settle("/t", None).expect("a few");
+        assert!(notes.len() == 1 && notes[0].contains("30 of 600 rows"), "{notes:?}");
+        assert!(few.stamp.len() == 570 && few.stamp.is_sorted() && values(&few)[569] == 569.0);
     }
 
     #[test]

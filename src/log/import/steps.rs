@@ -7,13 +7,7 @@ const DUE: f64 = 1.5;
 const SLOWER: f64 = 1.4;
 const WITHIN: f64 = 1.0;
 
-/// The middle one of the steps forward.
-pub fn usual(times: &[i64]) -> Option<i64> {
-    let steps = times.windows(2).map(|w| w[1].saturating_sub(w[0]));
-    let mut steps: Vec<i64> = steps.filter(|step| *step > 0).collect();
-    let middle = steps.len() / 2;
-    (!steps.is_empty()).then(|| *steps.select_nth_unstable(middle).1)
-}
+pub use crate::log::turned::usual;
 
 /// The rows without a value that lie between two values further apart than usual. Rows of other topics, which
 /// stand between values at their usual step, are none.

@@ -2,24 +2,13 @@
 
 use super::cells::{column_of, each_row, is_missing, number, plain};
 use super::clock::Clock;
+use super::head::Head;
 use super::rows::{Read, Rows, SHOWN, named, timeless};
 use super::settings::{Column, Import, Time};
 use super::width::Width;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 use std::ops::Range;
-
-/// Names of the columns, from the line that has them; none without one.
-fn header(settings: &Import, text: &str) -> Vec<String> {
-    let line = settings.names_line.unwrap_or(settings.header_lines).checked_sub(1);
-    let Some(line) = line.and_then(|n| plain(text).lines().nth(n)) else { return Vec::new() };
-    let mut names = Vec::new();
-    each_row(settings.separator, line, &mut |row| {
-        names = row.cells.iter().map(|name| name.to_string()).collect();
-        true
-    });
-    names
-}
 
 /// Where the time of a row comes from.
 enum Origin {
@@ -43,24 +32,38 @@ impl Wanted {
     /// Finds the columns by the names in the header.
     ///
     /// # Errors
-    /// All that are not there.
-    fn new(settings: &Import, doc: &Doc, header: &[String]) -> Result<Wanted, Errors> {
-        let names: Vec<&str> = header.iter().map(String::as_str).collect();
+    /// All that are not there, or are in another unit by the header.
+    fn new(settings: &Import, doc: &Doc, head: &Head) -> Result<Wanted, Errors> {
+        if head.is_numbers() && settings.has_names() {
+            let line = settings.names_line.unwrap_or(settings.header_lines);
+            let what = format!(
+                "line {line}, which should have the names of the columns, has numbers: the file has no header, or another line has it"
+            );
+            return Err(doc.error("header_lines", what)
+                .help("where there is no header: header_lines = 0, and each column by its number (from 1)")
+                .into());
+        }
+        let names: Vec<&str> = head.names.iter().map(String::as_str).collect();
         let mut errors = Errors::default();
         let mut wanted = Wanted { times: Vec::new(), topics: Vec::new() };
         if let Some(time) = &settings.time {
-            wanted.times.extend(errors.take(Timed::new(time, "time", false, doc, &names)));
+            wanted.times.extend(errors.take(Timed::new(time, "time", false, doc, head)));
         }
         for (i, topic) in settings.topic.iter().enumerate() {
             let mut which = 0;
             if let Some(time) = &topic.time {
                 which = wanted.times.len();
                 let key = format!("topic.{i}.time");
-                wanted.times.extend(errors.take(Timed::new(time, &key, true, doc, &names)));
+                wanted.times.extend(errors.take(Timed::new(time, &key, true, doc, head)));
             }
             let columns = topic.fields.iter().enumerate().filter_map(|(k, field)| {
                 let key = format!("topic.{i}.fields.{k}");
-                errors.take(index(&field.column, field.matrix.is_some(), &key, doc, &names))
+                let at = index(&field.column, field.matrix.is_some(), &key, doc, &names);
+                let at = errors.take(at)?;
+                let (unit, despite) = (&field.unit, field.despite.as_deref());
+                let other = head.other_unit(at, unit, despite);
+                errors.0.extend(other.map(|other| field.other_unit(doc, &key, &other)));
+                Some(at)
             });
             wanted.topics.push((which, columns.collect()));
         }
@@ -82,16 +85,19 @@ impl Wanted {
 }
 
 impl Timed {
-    fn new(
-        time: &Time,
-        key: &str,
-        is_own: bool,
-        doc: &Doc,
-        names: &[&str],
-    ) -> Result<Timed, Errors> {
+    fn new(time: &Time, key: &str, is_own: bool, doc: &Doc, head: &Head) -> Result<Timed, Errors> {
+        let names: Vec<&str> = head.names.iter().map(String::as_str).collect();
         let from = match (&time.column, time.rate_hz, time.unit.as_deref()) {
             (Some(column), _, Some(unit)) => {
-                let at = index(column, time.matrix.is_some(), key, doc, names)?;
+                let at = index(column, time.matrix.is_some(), key, doc, &names)?;
+                if let Some(other) = head.other_unit(at, unit, None) {
+                    let what = format!(
+                        "the column of time is in \"{other}\" by the header, not in \"{unit}\""
+                    );
+                    let help =
+                        format!("write unit = \"{other}\"; where the header is wrong, mend it");
+                    return Err(doc.error(&format!("{key}.unit"), what).help(help).into());
+                }
                 let clock = Clock::new(unit, time.start_s);
                 let clock = clock.map_err(|e| doc.error(&format!("{key}.unit"), e))?;
                 Origin::Column { at, clock }
@@ -128,22 +134,25 @@ fn index(
     }
 }
 
+/// What to do about a row that is wrong and the last thing in a file.
+const CUT: &str = "the file ends in this row, without an end of line: it may have been cut short; copy it again, or leave the row out";
+
 /// Reads the columns that the description names; `file` is the file's name in messages.
 ///
 /// # Errors
 /// Columns that the header lacks; cells that are no numbers, rows that are too short: all at once,
 /// up to ten.
 pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read, Errors> {
-    let names = header(settings, text);
-    let wanted = Wanted::new(settings, doc, &names)?;
+    let head = Head::of(settings, text);
+    let wanted = Wanted::new(settings, doc, &head)?;
     let text = plain(text);
     let data: usize = text.split_inclusive('\n').take(settings.header_lines).map(str::len).sum();
     let data = text.get(data..).unwrap_or("");
     let mut topics: Vec<Rows> = wanted.topics.iter().map(|_| Rows::default()).collect();
     let mut lost = vec![0; topics.len()];
     let mut errors = Errors::default();
-    let mut row_number = 0;
-    let mut width = Width::of(settings, &names);
+    let (mut row_number, mut first_row) = (0, 0);
+    let mut width = Width::of(settings, &head.names);
     each_row(settings.separator, data, &mut |row| {
         wanted.blank(row_number..row_number + row.blank, &mut topics);
         row_number += row.blank;
@@ -157,15 +166,18 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
             errors.push(Error::at(at(0), what));
             return errors.0.len() < SHOWN;
         }
+        let ends_here = row.start + row.text.len() >= data.len() && !data.ends_with(['\n', '\r']);
+        let wrong = |i: usize, what: String| {
+            let help = ends_here.then(|| CUT.to_string());
+            Error { help, ..Error::at(at(i), what) }
+        };
         let cell = |i: usize| {
-            cells.get(i).copied().ok_or_else(|| {
-                let what = format!("column {} is wanted, the row has {}", i + 1, cells.len());
-                Error::at(at(i), what)
-            })
+            let short = || format!("column {} is wanted, the row has {}", i + 1, cells.len());
+            cells.get(i).copied().ok_or_else(|| wrong(i, short()))
         };
         let value = |i: usize| {
             let cell = cell(i)?;
-            let wrong = || Error::at(at(i), format!("column {}: \"{cell}\" is no number", i + 1));
+            let wrong = || wrong(i, format!("column {}: \"{cell}\" is no number", i + 1));
             number(settings, cell).ok_or_else(wrong)
         };
         let stamp = |time: &Timed| -> Result<Option<u64>, Error> {
@@ -195,6 +207,9 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
                 }
             }
         }
+        if row_number == 0 {
+            first_row = cells.len();
+        }
         row_number += 1;
         errors.0.len() < SHOWN
     });
@@ -202,87 +217,15 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
         let what = format!("reading stopped after {SHOWN} mistakes: there may be more");
         errors.push(Error::at(Place::file(file), what));
     }
-    let notes = settings.topic.iter().zip(lost).filter_map(|(t, n)| timeless(&t.name, n)).collect();
-    errors.or(Read { topics, notes })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn settings(more: &str) -> (Import, Doc) {
-        let text = format!(
-            "input = [\"a.csv\"]\noutput = \"a.mcap\"\n{more}\n[[topic]]\nname = \"/t\"\nfields = [{{ column = \"v\", name = \"v\", unit = \"1\" }}]\n"
-        );
-        crate::config::parse::<Import>("import.toml", &text).unwrap()
-    }
-
-    fn read_all((settings, doc): &(Import, Doc), text: &str) -> Result<Rows, String> {
-        read(settings, doc, "a.csv", text)
-            .map(|mut read| read.topics.remove(0))
-            .map_err(|e| e.to_string())
-    }
-
-    #[test]
-    fn quotes_a_byte_order_mark_decimal_commas_a_row_of_units_and_words_for_missing() {
-        let settings = settings(
-            "separator = \"semicolon\"\ndecimal = \"comma\"\nheader_lines = 2\nnames_line = 1\nmissing = [\"n/a\", \"-9999\"]\ntime = { column = \"t\", unit = \"s\" }",
-        );
-        let text = "\u{feff}\"t\";\"a; b\";\"v\"\r\ns;-;m\r\n0,5;\"x;y\";1,25\r\n\r\n1,0;;n/a\r\n1,5;;-9999\r\n2,0;;\r\n2,5;;\"3,5\"\r\n";
-        let rows = read_all(&settings, text).unwrap();
-        assert_eq!(
-            rows.stamp,
-            [500_000_000, 1_000_000_000, 1_500_000_000, 2_000_000_000, 2_500_000_000]
-        );
-        let v = &rows.values;
-        assert!(v[0] == 1.25 && v[4] == 3.5 && v[1..4].iter().all(|x| x.is_nan()), "{v:?}");
-        let e = read_all(&settings, &text.replace("\"3,5\"", "\"3,5x\"")).err().unwrap();
-        assert!(e.contains("a.csv:8:6: column 3: \"3,5x\" is no number"), "{e}");
-        let e = read_all(&settings, &text.replace("\"3,5\"", "1.234")).err().unwrap();
-        assert!(e.contains("\"1.234\" is no number"), "{e}");
-    }
-
-    #[test]
-    fn blank_lines_keep_their_place_in_time_at_a_rate_and_have_no_meaning_beside_a_column_of_time()
-    {
-        let with = |more: &str| {
-            settings(&format!("separator = \"comma\"\nheader_lines = 1\ntime = {{ {more} }}"))
-        };
-        for blank in ["", "  ", "\"\"", "NaN"] {
-            let text = format!("v\n1\n2\n{blank}\n4\n{blank}\n{blank}\n7\n");
-            let rows = read_all(&with("rate_hz = 50"), &text).unwrap();
-            let at: Vec<u64> = (0..7).map(|k| 20_000_000 * k).collect();
-            assert_eq!(rows.stamp, at, "{blank:?}");
-            let known: Vec<usize> = (0..7).filter(|k| !rows.values[*k].is_nan()).collect();
-            assert_eq!((known, rows.values[6]), (vec![0, 1, 3, 6], 7.0), "{blank:?}");
-        }
-        let rows = read_all(&with("rate_hz = 50"), "v\n\n1\n2\n\n\n").unwrap();
-        assert_eq!((rows.stamp, rows.values), (vec![0, 20_000_000], vec![1.0, 2.0]));
-        let rows = read_all(&with("column = \"t\", unit = \"s\""), "t,v\n0,1\n\n1,2\n").unwrap();
-        assert_eq!((rows.stamp, rows.values), (vec![0, 1_000_000_000], vec![1.0, 2.0]));
-    }
-
-    #[test]
-    fn dates_with_times_are_read_with_and_without_a_zone() {
-        let settings = settings(
-            "separator = \"comma\"\nheader_lines = 1\ntime = { column = \"t\", unit = \"iso8601\" }",
-        );
-        let text = "t,v\n1970-01-01T00:00:01.5Z,1\n1970-01-01 01:00:02+01:00,2\n1970-01-01T00:00:03.000000001,3\n";
-        let rows = read_all(&settings, text).unwrap();
-        assert_eq!(rows.stamp, [1_500_000_000, 2_000_000_000, 3_000_000_001]);
-        let e = read_all(
-            &settings,
-            "t,v\n1970-01-01T00:00:01Z,1\n1970-01-01T00:00:02Z,\"2\n1970-01-01T00:00:03Z,3\n",
-        );
-        assert!(
-            e.as_ref().is_err_and(|e| e.contains("a.csv:3:1: a quoted cell of 2 lines")),
-            "{e:?}"
-        );
-        for (bad, wanted) in
-            [("noon", "is no date with time"), ("1969-12-31T00:00:00Z", "before 1970")]
-        {
-            let e = read_all(&settings, &format!("t,v\n{bad},1\n")).err().unwrap();
-            assert!(e.contains("a.csv:2:1: ") && e.contains(wanted), "{e}");
-        }
-    }
+    let lost = settings.topic.iter().zip(lost).filter_map(|(t, n)| timeless(&t.name, n));
+    let is_data =
+        head.is_numbers() && head.names.len() == first_row && settings.names_line.is_none();
+    let left_out = is_data.then(|| {
+        let lines = settings.header_lines;
+        format!(
+            "line {lines} is left out by header_lines = {lines}, and has numbers as the rows have: header_lines = {} reads it",
+            lines - 1
+        )
+    });
+    errors.or(Read { topics, notes: left_out.into_iter().chain(lost).collect() })
 }

@@ -1,7 +1,7 @@
 //! The rows of a text file in; whether each has as many cells as there are columns, out.
 
 use super::cells::Row;
-use super::settings::{Column, Import, Separator};
+use super::settings::{Import, Separator};
 
 /// How many cells a row may have. A cell too many (a comma in a remark, a decimal comma) moves all behind it
 /// by one.
@@ -19,10 +19,7 @@ const LINES: usize = 4;
 impl Width {
     /// What the settings and the line of names say.
     pub fn of(settings: &Import, header: &[String]) -> Width {
-        let is_name = |column: &Column| matches!(column, Column::Name(_));
-        let of_times = settings.topic.iter().filter_map(|t| t.time.as_ref());
-        let named = settings.topic.iter().flat_map(|t| &t.fields).any(|f| is_name(&f.column))
-            || settings.time.iter().chain(of_times).any(|t| t.column.as_ref().is_some_and(is_name));
+        let named = settings.has_names();
         let blanks = settings.separator == Separator::Whitespace;
         let cells = (named && !header.is_empty()).then_some(header.len());
         Width { cells, of: "the line of names", exact: blanks && cells.is_some(), blanks }

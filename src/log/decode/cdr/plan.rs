@@ -68,7 +68,7 @@ impl<'a> Planner<'a> {
         }
         match kind {
             Kind::Number(number) => {
-                load(*number, paths::here(wanted), steps);
+                load(*number, paths::here(wanted), paths::rest_here(wanted), steps);
             }
             Kind::Struct(i) => {
                 let members = self.types.structs.get(*i).map_or(&[][..], |s| &s.members);
@@ -140,11 +140,14 @@ fn fixed(steps: &mut Vec<Step>, add: impl FnOnce(&mut Fixed)) {
     steps.push(Step::Fixed(run));
 }
 
-fn load(number: Number, slot: Option<usize>, steps: &mut Vec<Step>) {
+/// A number, and what a whole one is above it, each where it has a slot.
+fn load(number: Number, slot: Option<usize>, rest: Option<usize>, steps: &mut Vec<Step>) {
     fixed(steps, |run| {
         let at = run.aligned(number);
         run.sizes = at.map(|at| at.saturating_add(number.size()));
         run.loads.extend(slot.map(|slot| Load { at, number, slot }));
+        let rest = rest.zip(number.rest());
+        run.loads.extend(rest.map(|(slot, number)| Load { at, number, slot }));
     });
 }
 
@@ -308,6 +311,8 @@ fn read<const BIG: bool>(number: Number, bytes: &[u8]) -> Option<f64> {
         Number::I64 => read!(i64) as f64,
         Number::F32 => f64::from(read!(f32)),
         Number::F64 => read!(f64),
+        Number::RestOfU64 => paths::rest(i128::from(read!(u64))),
+        Number::RestOfI64 => paths::rest(i128::from(read!(i64))),
     };
     Some(finite(value))
 }

@@ -22,6 +22,9 @@ pub(super) enum Number {
     I64,
     F32,
     F64,
+    /// What one of 64 bits is above its nearest `f64`; no type of a definition.
+    RestOfU64,
+    RestOfI64,
 }
 
 impl Number {
@@ -31,7 +34,16 @@ impl Number {
             Number::Bool | Number::U8 | Number::I8 => 1,
             Number::U16 | Number::I16 => 2,
             Number::U32 | Number::I32 | Number::F32 => 4,
-            Number::U64 | Number::I64 | Number::F64 => 8,
+            Number::U64 | Number::I64 | Number::F64 | Number::RestOfU64 | Number::RestOfI64 => 8,
+        }
+    }
+
+    /// How what a number is above its nearest `f64` is read, where that can be anything.
+    pub fn rest(self) -> Option<Number> {
+        match self {
+            Number::U64 => Some(Number::RestOfU64),
+            Number::I64 => Some(Number::RestOfI64),
+            _ => None,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! A message in; its layout, with which messages like it are read, and its scalars out.
 
 use super::super::encoding::{UNREADABLE, finite};
+use super::super::paths;
 
 /// Messages nested deeper than this are not read.
 pub const DEEPEST: usize = 64;
@@ -8,16 +9,27 @@ pub const DEEPEST: usize = 64;
 /// The text of a message with its scalars taken out.
 pub struct Layout {
     /// Text before each scalar, and which path (if any) the scalar belongs to.
-    slots: Vec<(Vec<u8>, Option<usize>)>,
+    slots: Vec<(Vec<u8>, Option<Slot>)>,
     tail: Vec<u8>,
+}
+
+/// Where a number goes, and what a whole one is above it.
+struct Slot {
+    number: usize,
+    rest: Option<usize>,
 }
 
 impl Layout {
     pub fn learn(message: &[u8], paths: &[String]) -> Option<Layout> {
         let mut slots = Vec::new();
         let mut at = 0;
+        let of = |path: &str| {
+            let number = paths.iter().position(|p| p == path)?;
+            let rest = paths::rest_of(path);
+            Some(Slot { number, rest: paths.iter().position(|p| *p == rest) })
+        };
         scan(message, &mut |path, start, end| {
-            slots.push((message[at..start].to_vec(), paths.iter().position(|p| p == path)));
+            slots.push((message[at..start].to_vec(), of(path)));
             at = end;
         })?;
         Some(Layout { slots, tail: message[at..].to_vec() })
@@ -29,10 +41,13 @@ impl Layout {
         let mut rest = message;
         for (text, wanted) in &self.slots {
             let Some(after) = rest.strip_prefix(text.as_slice()) else { return false };
-            rest = match wanted.and_then(|i| out.get_mut(i)) {
-                Some(value) => match number(after) {
+            rest = match wanted.as_ref().filter(|slot| slot.number < out.len()) {
+                Some(slot) => match number(after) {
                     Some((x, tail)) => {
-                        *value = x;
+                        out[slot.number] = x;
+                        if let Some(above) = slot.rest.and_then(|rest| out.get_mut(rest)) {
+                            *above = whole(after).map_or(UNREADABLE, paths::rest);
+                        }
                         tail
                     }
                     None => match skip_scalar(after) {
@@ -67,6 +82,17 @@ pub fn number(text: &[u8]) -> Option<(f64, &[u8])> {
             Some((finite(x), text.get(n..)?))
         }
     }
+}
+
+/// The whole number at the start of `text`, in quotes or not; none where it has a point or an exponent.
+fn whole(text: &[u8]) -> Option<i128> {
+    let text = text.strip_prefix(b"\"").map_or(text, <[u8]>::trim_ascii_start);
+    let sign = usize::from(text.first() == Some(&b'-'));
+    let digits = text.iter().skip(sign).take_while(|b| b.is_ascii_digit()).count();
+    let ends = !matches!(text.get(sign + digits), Some(b'.' | b'e' | b'E'));
+    // Of what has more digits than 64 bits nothing is exact.
+    let number = text.get(..sign + digits).filter(|_| ends && (1..=19).contains(&digits))?;
+    std::str::from_utf8(number).ok()?.parse().ok()
 }
 
 fn quoted(inner: &[u8]) -> Option<f64> {

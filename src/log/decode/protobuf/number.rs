@@ -4,6 +4,7 @@ use super::schema::Number;
 use super::wire::{self, Form};
 use crate::log::bytes::Bytes;
 use crate::log::decode::encoding::finite;
+use crate::log::decode::paths;
 
 /// The next number of a list: goes to its slot, if anybody wants it.
 #[inline]
@@ -36,6 +37,22 @@ impl Number {
             _ => return None,
         };
         Some(finite(x))
+    }
+
+    /// The same, and what a whole number is above it.
+    pub fn read_whole(self, form: Form, rest: &mut Bytes) -> Option<(f64, f64)> {
+        let whole = match (self, form) {
+            (Number::Signed, Form::Varint) => i128::from(wire::varint(rest)? as i64),
+            (Number::Unsigned, Form::Varint) => i128::from(wire::varint(rest)?),
+            (Number::Zigzag, Form::Varint) => {
+                let n = wire::varint(rest)?;
+                i128::from((n >> 1) as i64 ^ -((n & 1) as i64))
+            }
+            (Number::Fixed64, Form::Eight) => i128::from(rest.u64()?),
+            (Number::Sfixed64, Form::Eight) => i128::from(rest.u64()? as i64),
+            _ => return Some((self.read(form, rest)?, 0.0)),
+        };
+        Some((whole as f64, paths::rest(whole)))
     }
 
     pub fn form(self) -> Form {

@@ -44,6 +44,8 @@ struct Field {
 
 enum Take {
     Number(Number, usize),
+    /// A number, and what a whole one is above it.
+    Whole(Number, usize, usize),
     /// A list of numbers: its count, and slots by place, ascending.
     Numbers(Number, usize, Vec<(usize, usize)>),
     Message(Node),
@@ -91,7 +93,10 @@ fn node(
             (Kind::Number(number), false) => {
                 let Some(slot) = paths::here(&below) else { continue };
                 made.absent.extend(field.absent.map(|value| (slot, value)));
-                Take::Number(*number, slot)
+                match paths::rest_here(&below) {
+                    Some(rest) => Take::Whole(*number, slot, rest),
+                    None => Take::Number(*number, slot),
+                }
             }
             (Kind::Number(number), true) => {
                 *lists += 1;
@@ -212,7 +217,7 @@ impl Node {
 impl Field {
     fn new(number: u32, take: Take) -> Field {
         let form = match &take {
-            Take::Number(number, _) => number.form(),
+            Take::Number(number, _) | Take::Whole(number, ..) => number.form(),
             Take::Numbers(..) | Take::Message(_) | Take::Messages(..) => Form::Stretch,
         };
         let lead = (number < 16).then_some((number as u8) << 3 | form as u8);
@@ -230,6 +235,9 @@ impl Take {
     ) -> Option<()> {
         match (self, form) {
             (Take::Number(number, slot), form) => *out.get_mut(*slot)? = number.read(form, rest)?,
+            (Take::Whole(number, slot, above), form) => {
+                (*out.get_mut(*slot)?, *out.get_mut(*above)?) = number.read_whole(form, rest)?;
+            }
             (Take::Numbers(number, list, wanted), Form::Stretch) => {
                 number.packed(wire::stretch(rest)?, counts.get_mut(*list)?, wanted, out)?;
             }

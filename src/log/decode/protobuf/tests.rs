@@ -308,3 +308,25 @@ proptest::proptest! {
         fields::among(&other, &[&message]);
     }
 }
+
+#[test]
+fn a_whole_number_of_64_bits_has_what_its_nearest_f64_lacks() {
+    let rest = crate::log::decode::rest_of;
+    let number = 1_700_000_000_123_456_789_i64;
+    // the key of `i`, and the number seven bits at a time
+    let mut message = vec![0x38];
+    let mut left = number as u64;
+    while left >= 0x80 {
+        message.push(left as u8 | 0x80);
+        left >>= 7;
+    }
+    message.push(left as u8);
+    let paths = ["i".to_string(), rest("i"), "x".to_string(), rest("x"), rest("z")];
+    let mut out = vec![0.0; paths.len()];
+    prepare(&channel(), &paths).expect("a plan")()(&message, &mut out);
+    assert_eq!(out[0] as i64 + out[1] as i64, number);
+    assert!(out[1] != 0.0 && out[..3].iter().all(|x| x.is_finite()), "{out:?}");
+    // a message without the field
+    prepare(&channel(), &paths).expect("a plan")()(&[], &mut out);
+    assert_eq!((out[0], out[2]), (0.0, 0.0));
+}

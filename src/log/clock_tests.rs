@@ -1,0 +1,93 @@
+//! Logs whose clock was set back, and whose stamps are whole ns, in; the samples that come out, and what is
+//! said of the others.
+
+use super::tests::{START, one_signal, raw, read, regular, texts};
+
+/// 1000 messages; from the one at `at` on their times are so many s earlier.
+fn set_back(at: usize, by_s: u64) -> Vec<(&'static str, u64, u64, String)> {
+    let mut messages = regular(1000);
+    for (_, log, publish, _) in &mut messages[at..] {
+        *log -= by_s * 1_000_000_000;
+        *publish -= by_s * 1_000_000_000;
+    }
+    messages
+}
+
+#[test]
+fn fault_a_log_of_two_clocks_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let both = one_signal("log") + &one_signal("log").replace("signal.x", "signal.again");
+    // to before the record, and to before it and from there into it
+    for (at, by) in [(600, 100), (600, 8)] {
+        raw(&path, "json", &set_back(at, by), 4000);
+        let e = read(&path, &both).expect_err("two clocks");
+        assert!(e.contains("topic \"/t\" of a.mcap: the clock was set back by"), "{at} {by}: {e}");
+        assert!(e.contains("make a log of each part"), "{e}");
+        assert_eq!(e.matches("set back").count(), 1, "once for all signals of the topic: {e}");
+    }
+}
+
+#[test]
+fn fault_what_another_clock_gave_is_dropped_and_counted_where_it_is_little() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    raw(&path, "json", &set_back(960, 100), 4000);
+    let flight = read(&path, &one_signal("log")).expect("most is of one clock");
+    let x = &flight.signals["x"];
+    assert_eq!((x.account.count, x.account.dropped_times, x.account.dropped_clock), (960, 40, 40));
+    assert_eq!(x.series.value.last(), Some(&959.0));
+    let said = texts(&flight);
+    let of =
+        |text: &&str| text.contains("40 of 1000 messages, of the one that gave fewer, dropped");
+    assert!(said.iter().any(of), "{said:?}");
+    assert!(!said.iter().any(|text| text.contains("more than a day")), "{said:?}");
+    // where the record ends before the clock is there again, only the time that came twice goes
+    raw(&path, "json", &set_back(900, 5), 4000);
+    let flight = read(&path, &one_signal("log")).expect("a second came twice");
+    let x = &flight.signals["x"].account;
+    assert_eq!((x.count, x.dropped_twice, x.dropped_clock), (800, 200, 0));
+}
+
+#[test]
+fn stamps_in_whole_ns_are_read_to_the_ns() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let after = |i: u64| i * 10_000_000 + 37 + i;
+    let messages: Vec<_> = (0..300)
+        .map(|i| {
+            let ns = START + after(i);
+            let text =
+                format!("{{\"t\":{{\"ns\":{ns},\"text\":\"{ns}\",\"f\":{ns}.0}},\"x\":{i}}}");
+            ("/t", START + i * 10_000_000, 0, text)
+        })
+        .collect();
+    raw(&path, "json", &messages, 4000);
+    let times = |field: &str| {
+        let map = one_signal(field) + "time_unit = \"ns\"\n";
+        read(&path, &map).expect("read").signals["x"].series.t_s.clone()
+    };
+    let exact: Vec<f64> = (0..300).map(|i| after(i) as f64 / 1e9).collect();
+    assert_eq!(times("t.ns"), exact);
+    assert_eq!(times("t.text"), exact);
+    // a number with a point is what it is
+    let near = times("t.f").iter().zip(&exact).all(|(a, b)| (a - b).abs() <= 129e-9);
+    assert!(near);
+}
+
+#[test]
+fn fault_a_signal_without_a_sample_is_a_mistake_unless_it_may_be_lacking() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let mut messages = regular(100);
+    messages[..90].iter_mut().for_each(|m| m.3 = "{\"x\":NaN}".into());
+    messages[90..].iter_mut().for_each(|m| m.3 = "{\"x\":7}".into());
+    raw(&path, "json", &messages, 4000);
+    let outside = one_signal("log") + "range = [0.0, 1.0]\n";
+    let e = read(&path, &outside).expect_err("no sample");
+    let wanted = "a.mcap: field \"x\" of topic \"/t\" gives no sample: of 100 messages 90 hold NaN, 10 are outside its range";
+    assert!(e.contains(wanted) && e.contains("optional = true"), "{e}");
+    let flight = read(&path, &(outside + "optional = true\n")).expect("it may be lacking");
+    assert_eq!(flight.signals["x"].series.value.len(), 0);
+    assert!(texts(&flight).iter().any(|t| t.contains("no sample is left")), "{:?}", flight.notes);
+}

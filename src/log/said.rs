@@ -1,0 +1,109 @@
+//! The account of a signal and what was dropped of it in; what is said of that, in words, out.
+
+use super::Note;
+use super::channel_map::{SignalMap, Trend};
+use super::clocks::Two;
+use super::left_out::{Fate, Seen};
+use super::series::{Account, Series, seconds};
+use super::turned::Back;
+use crate::units::Unit;
+
+/// What became of the messages of a signal that has no sample.
+pub(super) fn nothing_left(a: &Account) -> String {
+    let fates = [
+        (a.dropped_nan, "hold NaN"),
+        (a.dropped_unreadable, "have no number in it, or no time stamp"),
+        (a.dropped_out_of_range, "are outside its range"),
+        (a.dropped_times, "have times of another clock"),
+    ];
+    let told: Vec<String> =
+        fates.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+    format!(
+        "field \"{}\" of topic \"{}\" gives no sample: of {} messages {}",
+        a.field,
+        a.topic,
+        a.messages,
+        told.join(", ")
+    )
+}
+
+/// What is said of messages that another clock gave.
+pub(super) fn another_clock(name: &str, a: &Account, clocks: &[Two]) -> Option<Note> {
+    let first = clocks.first()?.words();
+    let again = match clocks.len() {
+        1 => String::new(),
+        n => format!(" (and so at {} places more)", n - 1),
+    };
+    let text = format!(
+        "{} {}: {first}{again}: {} of {} messages, of the one that gave fewer, dropped",
+        a.topic, a.field, a.dropped_clock, a.messages
+    );
+    Some(Note::warning(name, a.dropped_clock, text))
+}
+
+/// What is said of a time that came twice.
+pub(super) fn set_back(name: &str, a: &Account, twice: &[Back]) -> Option<Note> {
+    let largest = twice.iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))?;
+    let [from, to] = [largest.from, largest.to].map(seconds);
+    let text = format!(
+        "{} {}: the clock was set back at {} places (by {:.3} s, so that {from:.3} to {to:.3} s came twice): {} of {} messages of a time that came twice, dropped",
+        a.topic,
+        a.field,
+        twice.len(),
+        largest.seconds(),
+        a.dropped_twice,
+        a.messages
+    );
+    Some(Note::warning(name, a.dropped_twice, text))
+}
+
+/// Spikes that a note tells one by one.
+const TOLD: usize = 3;
+
+/// What is said of spikes, as the log has them.
+pub(super) fn told(name: &str, signal: &SignalMap, unit: &Unit, left_out: &[Seen]) -> Option<Note> {
+    let factor = f64::from(signal.sign) * signal.scale;
+    let one = |seen: &&Seen| {
+        let value = crate::math::digits(unit.from_si((seen.value - signal.offset) / factor));
+        format!("{value} {} at {:.3} s", signal.unit, seen.t_s)
+    };
+    let spikes: Vec<&Seen> = left_out.iter().filter(|s| s.fate == Fate::Spike).collect();
+    let first: Vec<String> = spikes.iter().take(TOLD).map(one).collect();
+    let more = if spikes.len() > TOLD { ", ..." } else { "" };
+    let text = format!(
+        "{} {}: {} of its samples stand{} far out of both neighbours, dropped (spikes = \"keep\" in the channel map keeps them): {}{more}",
+        signal.topic,
+        signal.field,
+        spikes.len(),
+        if spikes.len() == 1 { "s" } else { "" },
+        first.join(", ")
+    );
+    (!spikes.is_empty()).then(|| Note::warning(name, spikes.len() as u64, text))
+}
+
+/// What a signal does that goes against what the map says of it, in the log's unit.
+pub(super) fn against(
+    name: &str,
+    signal: &SignalMap,
+    trend: Trend,
+    series: &Series,
+) -> Option<Note> {
+    let (way, does, says) = match trend {
+        Trend::Falls => (1.0, "rises", "falls"),
+        Trend::Rises => (-1.0, "falls", "rises"),
+    };
+    let turned: Vec<f64> = series.value.iter().map(|value| way * value).collect();
+    let rise = crate::signal::trend::rise(&series.t_s, &turned)?;
+    let unit = Unit::parse(&signal.unit).ok()?;
+    let text = format!(
+        "{} {}: {does} by {:.4} {} from {:.0} to {:.0} s, but trend = \"{says}\" says that it only {says}; what follows from it is wrong in this flight \
+         if the signal is (topic, field, unit and sign of the map; a tank that is not counted)",
+        signal.topic,
+        signal.field,
+        unit.from_si(rise.by) - unit.from_si(0.0),
+        signal.unit,
+        rise.from_s,
+        rise.to_s
+    );
+    Some(Note::warning(name, 1, text))
+}
