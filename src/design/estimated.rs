@@ -58,6 +58,7 @@ pub fn estimated(
     // A design that does not show a parameter does not determine it.
     let method = crate::estimate::Settings {
         without_effect: crate::estimate::WithoutEffect::Refuse,
+        asked: crate::estimate::Asked::Minimum,
         ..prepared.settings.method.clone()
     };
     let estimation = estimate_segments(&prepared.model, &segments, &method)?;

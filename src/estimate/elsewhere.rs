@@ -14,7 +14,7 @@ use super::estimation::Elsewhere;
 use super::regression::{Regression, regress};
 use super::regressors::ESTIMATED;
 use super::solution::Solution;
-use super::{Settings, Stop};
+use super::{Asked, Settings, Stop};
 use crate::engine::Here;
 use crate::least_squares::{Fit, Layout, Method, minimise};
 
@@ -71,7 +71,9 @@ impl Case {
         regression: Option<&Regression>,
         settings: &Settings,
     ) -> Option<(&'static str, Vec<f64>)> {
-        if settings.briefly || solution.fit.stop != Stop::Converged || !self.chosen.lines.is_empty()
+        if settings.asked == Asked::Nothing
+            || solution.fit.stop != Stop::Converged
+            || !self.chosen.lines.is_empty()
         {
             return None;
         }

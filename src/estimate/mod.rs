@@ -143,7 +143,7 @@ pub use reached::{Follows, Over, Reached};
 pub use search::unsearchable;
 pub use segment::{Grouping, Label, Made, SEGMENT, Segment, Stretch};
 pub use settings::{
-    By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
+    Asked, By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
 };
 pub use skewed::{Late, Skewed};
 pub use solution::NoisyStarts;

@@ -74,7 +74,7 @@ impl Case {
         solution: &Solution,
         settings: &Settings,
     ) -> Option<NoisyInputs> {
-        if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
+        if self.is_filtered() || solution.fit.stop != Stop::Converged {
             return None;
         }
         let mut steps = self.noisier(1).map(|case| case.normal_step(solution, settings));

@@ -18,7 +18,7 @@ use super::selection::select;
 use super::solution::Solution;
 use super::tries::best_of;
 use super::usable::{starts, unusable};
-use super::{By, Doubtful, Elsewhere, Estimation, LeftOut, Settings, Stop};
+use super::{Asked, By, Doubtful, Elsewhere, Estimation, LeftOut, Settings, Stop};
 use crate::dynamics::{Lost, Record};
 use crate::engine::{Here, Kept, Threads};
 use crate::error::{Error, Errors};
@@ -116,7 +116,7 @@ fn once(
         let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
         let mut case =
             Case::new(model.clone(), chosen.clone(), propagator.clone(), &these, values, settings);
-        if !settings.briefly {
+        if settings.asked != Asked::Nothing {
             case.check_limits()?;
         }
         let origin = Origin::new(base, all, settings, &used);
@@ -135,9 +135,9 @@ fn once(
                 Stop::RunsAway => Some(RUNS_AWAY.to_string()),
                 _ => None,
             };
-            let told = match settings.briefly {
-                true => Told::default(),
-                false => {
+            let told = match settings.asked {
+                Asked::Minimum | Asked::Nothing => Told::default(),
+                Asked::All => {
                     let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned());
                     let budget =
                         influences(base, &these, values.collect(), &case, &solution, settings)?;
@@ -151,7 +151,10 @@ fn once(
                 By::EquationError => Traced::of_equations(&case, &solution, settings)?,
             };
             let further = Further { told, regression };
-            let modes = if settings.briefly { Vec::new() } else { case.modes(&solution, &used) };
+            let modes = match settings.asked {
+                Asked::All => case.modes(&solution, &used),
+                Asked::Minimum | Asked::Nothing => Vec::new(),
+            };
             let named = name(&case, &used, segments.len(), solution, traced, further);
             return Ok(Estimation {
                 left_out,
@@ -194,7 +197,7 @@ fn told(
             noisy_inputs: case.noisy_inputs(solution, settings),
             skewed: case.skewed(solution, settings),
             ramps: case.ramps(solution, settings),
-            together: case.together(solution, settings),
+            together: case.together(solution),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {
@@ -220,7 +223,7 @@ fn by_motion(
         case.elsewhere(solution, regression.as_ref(), settings, (origin, here));
     let (mut solution, by_friction) = case.rubbed(solution, settings, (origin, here));
     let elsewhere = by_friction.or(elsewhere);
-    if !settings.briefly {
+    if settings.asked != Asked::Nothing {
         solution = case.with_noise_of_starts(solution, settings);
     }
     if settings.stabilise.values().any(|gain| *gain != 0.0) {

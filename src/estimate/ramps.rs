@@ -33,7 +33,7 @@ pub struct Ramps {
 impl Case {
     /// What changes where delays read straight lines; none where that leaves no less.
     pub(super) fn ramps(&self, solution: &Solution, settings: &Settings) -> Option<Ramps> {
-        if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
+        if self.is_filtered() || solution.fit.stop != Stop::Converged {
             return None;
         }
         let delayed = |i: &usize| self.model.delays.iter().any(|d| d.of == Delayed::Input(*i));

@@ -15,7 +15,7 @@ use super::equations::Origin;
 use super::estimation::Elsewhere;
 use super::solution::Solution;
 use super::watched::parameters;
-use super::{Settings, Stop};
+use super::{Asked, Settings, Stop};
 use crate::engine::Here;
 use crate::least_squares::{Layout, Method, minimise};
 use crate::signal::adequacy::{Adequacy, Leaves};
@@ -45,7 +45,7 @@ impl Case {
         (origin, here): (&Origin, &Here),
     ) -> (Solution, Option<Elsewhere>) {
         let places = self.frictions();
-        let is_asked = !settings.briefly && self.chosen.lines.is_empty();
+        let is_asked = settings.asked != Asked::Nothing && self.chosen.lines.is_empty();
         if places.is_empty() || !is_asked || solution.fit.stop != Stop::Converged {
             return (solution, None);
         }

@@ -39,10 +39,9 @@ pub struct Settings {
     /// of all tries are of one likelihood.
     #[serde(skip)]
     pub tried: IndexMap<String, f64>,
-    /// Whether nothing is told but where it ended, and the responses there: for runs that are one of
-    /// many. No setting of a file.
+    /// What is asked of the solution. No setting of a file.
     #[serde(skip)]
-    pub briefly: bool,
+    pub asked: Asked,
     /// Where parameters start that no entry of `starts` speaks of.
     pub start: StartFrom,
     /// Of `by = "equation error"` and of `start = "equation error"`: the window, s, over which both
@@ -271,12 +270,25 @@ impl Settings {
     }
 }
 
+/// What is asked of a solution besides its values and their standard deviations: that takes longer than
+/// to find it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Asked {
+    /// Whether another start leads lower, and what its standard deviations do not know of.
+    #[default]
+    All,
+    /// Whether another start leads lower: for estimates that others go on from.
+    Minimum,
+    /// Nothing: for runs that are one of many.
+    Nothing,
+}
+
 impl Default for Settings {
     fn default() -> Self {
         let method = Method::default();
         Settings {
             by: By::default(),
-            briefly: false,
+            asked: Asked::default(),
             free: None,
             fixed: Vec::new(),
             candidates: Vec::new(),

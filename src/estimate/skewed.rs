@@ -52,7 +52,7 @@ pub struct Late {
 impl Case {
     /// Records that look late; none where none does, or nothing moves by its sd.
     pub(super) fn skewed(&self, solution: &Solution, settings: &Settings) -> Option<Skewed> {
-        if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
+        if self.is_filtered() || solution.fit.stop != Stop::Converged {
             return None;
         }
         // Without standard deviations nothing is beyond chance.

@@ -8,9 +8,9 @@
 //! 1987), so that what the fit has taken away is missing in both. The root of their ratio is by how much a
 //! standard deviation is too small; it is told where it is more than chance.
 
+use super::Stop;
 use super::case::Case;
 use super::solution::Solution;
-use super::{Settings, Stop};
 use crate::least_squares::{Block, Factor};
 use rayon::prelude::*;
 
@@ -35,11 +35,8 @@ struct Sums {
 
 impl Case {
     /// Common parameters with the factor by which their standard deviations are too small, the largest first.
-    pub(super) fn together(&self, solution: &Solution, settings: &Settings) -> Vec<(String, f64)> {
-        let asked = !self.is_filtered()
-            && !settings.briefly
-            && self.outputs.len() > 1
-            && self.layout.shared > 0;
+    pub(super) fn together(&self, solution: &Solution) -> Vec<(String, f64)> {
+        let asked = !self.is_filtered() && self.outputs.len() > 1 && self.layout.shared > 0;
         if !asked || self.layout.noise.full || solution.fit.stop != Stop::Converged {
             return Vec::new();
         }

@@ -5,7 +5,7 @@
 //! lowest cost is the estimate; that others were there is said.
 
 use super::estimation::Tried;
-use super::{Estimation, Settings, Stop};
+use super::{Asked, Estimation, Settings, Stop};
 use crate::error::{Error, Errors};
 
 /// Starts of one estimation, at most.
@@ -29,8 +29,11 @@ pub fn best_of(
     let mut runs: Vec<(Settings, Estimation)> = Vec::new();
     for start in &all {
         let mut once = settings.clone();
-        // Profiles are those of the best alone.
+        // Profiles are those of the best alone, and only that is asked more.
         once.profile.clear();
+        if once.asked == Asked::All {
+            once.asked = Asked::Minimum;
+        }
         once.tried = start.iter().cloned().collect();
         let estimation = run(&once)?;
         runs.push((once, estimation));
@@ -53,10 +56,11 @@ pub fn best_of(
         })
         .collect();
     let (mut from, estimation) = runs.swap_remove(best);
-    let estimation = match settings.profile.is_empty() {
+    let estimation = match settings.profile.is_empty() && from.asked == settings.asked {
         true => estimation,
         false => {
             from.profile.clone_from(&settings.profile);
+            from.asked = settings.asked;
             run(&from)?
         }
     };

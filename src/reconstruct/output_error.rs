@@ -103,6 +103,7 @@ fn solve(
         step_tolerance: 0.1,
         // A window that says nothing of a sensor has no path.
         without_effect: estimate::WithoutEffect::Refuse,
+        asked: estimate::Asked::Minimum,
         ..Default::default()
     };
     let estimation = estimate::estimate(model, std::slice::from_ref(&record), &method)

@@ -7,7 +7,7 @@ use crate::diagnose::settings::Base as Kind;
 use crate::diagnose::subject::{Places, Subject};
 use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
-use crate::estimate::{self, Case, Estimation, Prepared, Segment, Unknown};
+use crate::estimate::{self, Asked, Case, Estimation, Prepared, Segment, Unknown};
 use crate::model::{Model, Scope};
 use std::collections::BTreeMap;
 
@@ -74,7 +74,8 @@ pub fn estimation(stand: &Stand, subject: &Subject) -> Result<Estimation, Errors
         .filter(|(_, held)| !**held)
         .map(|(s, _)| s.clone())
         .collect();
-    estimate::estimate_segments(&stand.model, &training, &stand.method)
+    let method = estimate::Settings { asked: Asked::Minimum, ..stand.method.clone() };
+    estimate::estimate_segments(&stand.model, &training, &method)
 }
 
 /// The parameter vector of `case` with what an estimation over the training segments found.

@@ -27,7 +27,7 @@ use crate::diagnose::subject::Subject;
 use crate::diagnose::thresholds::Thresholds;
 use crate::dynamics::Record;
 use crate::error::Errors;
-use crate::estimate::{self, Estimation, Segment, Stop, Trace, estimate_segments};
+use crate::estimate::{self, Asked, Estimation, Segment, Stop, Trace, estimate_segments};
 use crate::math::distribution::normal_quantile;
 use crate::model::{Driven, Model, density_of, lasting_of};
 
@@ -108,7 +108,8 @@ fn tried(
         Ok(model) => model,
         Err(errors) => return (refused(first(&errors)), Vec::new()),
     };
-    let mut method = estimate::Settings { profile: Vec::new(), ..stand.method.clone() };
+    let (profile, asked) = (Vec::new(), Asked::Minimum);
+    let mut method = estimate::Settings { profile, asked, ..stand.method.clone() };
     let has = |(name, _): &(String, f64)| model.parameter(name).is_some();
     method.starts.extend(starts.into_iter().filter(has));
     if let Some(free) = &mut method.free {

@@ -249,7 +249,7 @@ fn of_ready(
         estimate::estimate_where(&here, &config.model, segments, method)
     };
     let method = &config.settings.method;
-    let briefly = estimate::Settings { briefly: true, ..method.clone() };
+    let briefly = estimate::Settings { asked: estimate::Asked::Nothing, ..method.clone() };
     let estimated = |segments: &[estimate::Segment]| by(segments, method);
     let alone = |segments: &[estimate::Segment]| by(segments, &briefly);
     let estimations: Vec<Estimation> = batches

@@ -30,7 +30,7 @@ use super::{
 use crate::dynamics::Channel;
 use crate::engine::Here;
 use crate::error::{Errors, Result};
-use crate::estimate::{Estimation, Row, Segment, Stop, Trace, estimate_where};
+use crate::estimate::{Asked, Estimation, Row, Segment, Stop, Trace, estimate_where};
 use crate::math::products::factor;
 use crate::model::noise_of;
 use rayon::prelude::*;
@@ -341,7 +341,7 @@ fn flown(
 ) -> std::result::Result<Flown, Errors> {
     let model = &config.run.model;
     let mut method = config.run.settings.method.clone();
-    method.briefly = true;
+    method.asked = Asked::Nothing;
     let names = model.parameters.iter().map(|p| &p.quantity.name).chain(values.at.keys());
     method.fixed = names.filter(|name| !config.settings.free.contains(name)).cloned().collect();
     let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
