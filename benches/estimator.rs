@@ -1,5 +1,5 @@
 //! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in;
-//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone; `-- ceiling`: beside a program written in C; `-- fused`: what other shapes of a pass could reach); the
+//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone; `-- ceiling`: beside programs written in C; `-- fused`: what other shapes of a pass could reach); the
 //! flight data are looked for in KOEHLER_DATA or ../shared/data.
 //!
 //! Times are the least of many runs, so that others on the machine count little. An iteration is
@@ -13,7 +13,9 @@ use koehler::estimate::{Prepared, Segment};
 use koehler::math::simd::{Eight, Width, by_width};
 use std::hint::black_box;
 use std::time::Instant;
-use work::{Work, hfb320, hfb320_filtered, six_dof, six_dof_filtered, whole_campaign};
+use work::{
+    Work, hfb320, hfb320_filtered, six_dof, six_dof_briefly, six_dof_filtered, whole_campaign,
+};
 
 fn main() {
     let one = threads(1);
@@ -54,14 +56,18 @@ fn main() {
 /// Blocks in which one program follows the other.
 const BLOCKS: usize = 50;
 
-/// Iterations beside those of a program written in C for this model, block by block in turn: the
+/// The same where one takes long.
+const FEWER_BLOCKS: usize = 20;
+
+/// Iterations beside those of programs written in C for these models, block by block in turn: the
 /// medians of the ratios are what other work on the machine changes least.
 fn beside_c() {
-    use work::ceiling::{AVX2, AVX512, Ceiling, FAST, PLAIN};
-    let (Some(data), Some(one), Some(ten)) = (work::data(), hfb320(1), hfb320(10)) else { return };
+    use work::ceiling::{AVX2, AVX512, FAST, PLAIN};
     println!(
-        "\nbeside C, median of {BLOCKS} blocks in turn: C, ms; interpreter and machine code, times C"
+        "\nbeside C, medians of {BLOCKS} blocks in turn ({FEWER_BLOCKS} of 6-DoF): C, ms; interpreter and machine code, times C"
     );
+    let (data, six) = (work::data(), six_dof_briefly(10));
+    let hfb = hfb320(1).zip(hfb320(10)).zip(data);
     let widest = Width::detect();
     let rows = [
         ("AVX-512", Width::Avx512, &[PLAIN, AVX512][..]),
@@ -73,35 +79,51 @@ fn beside_c() {
             println!("  {name}: not on this machine");
             continue;
         }
-        let Some(c) = Ceiling::of(flags, &data) else { return };
         Width::narrow(width);
-        let blocks: Vec<[f64; 6]> = (0..BLOCKS)
-            .map(|_| {
-                let [a, b] = c.run();
-                let ours = |work: &Work, tier, runs| {
-                    let [x, y] = [1, 5].map(|n| least(runs, || work.estimate(n, tier)));
-                    1e3 * (y - x) / 4.0
-                };
-                let [i, n] = [Tier::Interpreter, Tier::Native];
-                [
-                    a,
-                    ours(&one, i, 20) / a,
-                    ours(&one, n, 20) / a,
-                    b,
-                    ours(&ten, i, 4) / b,
-                    ours(&ten, n, 4) / b,
-                ]
-            })
-            .collect();
-        let median = |column: usize| {
-            work::ceiling::median(blocks.iter().map(|block| block[column]).collect())
+        let say = |what: &str, [c, i, n]: [f64; 3]| {
+            println!("  {name:28} {what:28} {c:8.3} ms {i:6.2} {n:6.2}");
         };
-        for (what, at) in [("1 segment, 11 parameters", 0), ("10 segments, 11 + 40", 3)] {
-            let [c, i, n] = [at, at + 1, at + 2].map(median);
-            println!("  {name:28} {what:26} {c:8.3} ms {i:6.2} {n:6.2}");
+        if let Some(((one, ten), data)) = &hfb {
+            hfb_beside_c(flags, data, [one, ten])
+                .into_iter()
+                .for_each(|(what, row)| say(what, row));
+        }
+        if let Some(c) = work::hand::Hand::of(flags, &six) {
+            let ours = |tier| milliseconds(&six, tier, 3);
+            say("6-DoF, 10 segments, 60 + 120", c.beside(FEWER_BLOCKS, ours));
         }
     }
     Width::narrow(widest);
+}
+
+/// Milliseconds of one iteration, of so many runs.
+fn milliseconds(work: &Work, tier: Tier, runs: usize) -> f64 {
+    let [x, y] = [1, 5].map(|n| least(runs, || work.estimate(n, tier)));
+    1e3 * (y - x) / 4.0
+}
+
+/// Of the HFB-320 as one and as ten segments: milliseconds of C, and times C both tiers.
+fn hfb_beside_c(
+    flags: &[&[&str]],
+    data: &std::path::Path,
+    [one, ten]: [&Work; 2],
+) -> Vec<(&'static str, [f64; 3])> {
+    let Some(c) = work::ceiling::Ceiling::of(flags, data) else { return Vec::new() };
+    let block = |_| {
+        let both = c.run().into_iter().zip([(one, 20), (ten, 4)]).map(|(c, (work, runs))| {
+            let ours = |tier| milliseconds(work, tier, runs) / c;
+            [c, ours(Tier::Interpreter), ours(Tier::Native)]
+        });
+        both.collect::<Vec<[f64; 3]>>()
+    };
+    let blocks: Vec<Vec<[f64; 3]>> = (0..BLOCKS).map(block).collect();
+    let names = ["1 segment, 11 parameters", "10 segments, 11 + 40"];
+    let row = |(at, name): (usize, &'static str)| {
+        let of =
+            |column: usize| -> Vec<f64> { blocks.iter().map(|block| block[at][column]).collect() };
+        (name, [0, 1, 2].map(|column| work::ceiling::median(of(column))))
+    };
+    names.into_iter().enumerate().map(row).collect()
 }
 
 /// One pass through the records with all derivatives, by output error and by a filter.

@@ -1,8 +1,15 @@
 //! How fast logs are read: made-up flights of twenty channels in every encoding in; ns per field and
 //! the ratio to bare decompression of the same chunks out. `cargo bench --bench logs -- [minutes] [encoding]`.
+//! Then what the program takes for a flight: ingest and the report's pages beside their bytes alone.
 //!
 //! One thread, the file in the page cache, checksums verified, numbers into columns. Times are the
 //! least of many runs in turn, so that others on the machine count little.
+
+#[allow(dead_code)]
+#[path = "../tests/all/campaign.rs"]
+mod campaign;
+#[path = "work/flight.rs"]
+mod flight;
 
 use koehler::config;
 use koehler::log::decode::{self, Prepared};
@@ -42,9 +49,22 @@ fn main() {
             continue;
         }
         let path = folder.path().join(encoding);
-        write(&path, encoding, schema, minutes);
+        write(&path, encoding, schema, minutes, 5);
         one.install(|| row(&path, encoding, wanted));
     }
+    println!("\na flight by the program, --jobs 1: processor ms beside those of its bytes alone");
+    println!(
+        "{:24} {:>8} {:>9} {:>9} {:>9} {:>8}",
+        "", "MB out", "zstd", "written", "program", "ratio"
+    );
+    for (encoding, schema, _) in ROWS {
+        if only.as_ref().is_some_and(|only| only != encoding) {
+            continue;
+        }
+        let write = |path: &Path, seed| write(path, encoding, schema, minutes, seed);
+        flight::ingest(encoding, &map(), write, bare);
+    }
+    flight::pages();
 }
 
 fn row(path: &Path, encoding: &str, wanted: f64) {
@@ -139,11 +159,11 @@ fn map() -> String {
 }
 
 /// Writes a flight: slow movements with noise, five digits behind the point.
-fn write(path: &Path, encoding: &str, schema: &str, minutes: u64) {
+fn write(path: &Path, encoding: &str, schema: &str, minutes: u64, seed: u64) {
     let file = std::io::BufWriter::new(std::fs::File::create(path).expect("a file"));
     let options = mcap::WriteOptions::new().compression_threads(0);
     let mut log = options.create(file).expect("a log");
-    let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
     let channels = TOPICS.map(|(topic, _, fields)| {
         let (name, text) = definition(encoding, topic, fields);
         let id = if schema.is_empty() {

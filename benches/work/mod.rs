@@ -2,9 +2,10 @@
 
 pub mod ceiling;
 pub mod fused;
+pub mod hand;
 
 use koehler::dynamics::{Channel, Directions, Propagator, Record, Tier};
-use koehler::estimate::{Settings, Stop, estimate};
+use koehler::estimate::{Asked, Estimation, Settings, Stop, estimate};
 use koehler::model::{Constants, Model};
 use std::path::{Path, PathBuf};
 
@@ -17,12 +18,18 @@ pub struct Work {
 impl Work {
     /// An estimation of exactly `iterations` full Gauss-Newton steps.
     pub fn estimate(&self, iterations: usize, tier: Tier) {
+        self.after(iterations, tier);
+    }
+
+    /// The same, and where it ended.
+    pub fn after(&self, iterations: usize, tier: Tier) -> Estimation {
         let settings = Settings { max_iterations: iterations, tier, ..self.settings.clone() };
         let e =
             estimate(&self.model, &self.records, &settings).expect("settings that fit the model");
         assert_eq!(e.stop, Stop::IterationLimit, "the timed iterations must all take place");
         assert_eq!(e.iterations.len(), iterations + 1);
         assert!(e.iterations.iter().all(|i| i.halvings == 0), "a halved step is two passes");
+        e
     }
 
     /// The whole estimation; iterations that it took.
@@ -148,6 +155,13 @@ fn driven(name: &str, file: &str, noisy: &[(&str, &str, f64)]) -> Model {
 pub fn six_dof(segments: usize) -> Work {
     let settings = Settings { tolerance: 0.0, ..Settings::default() };
     simulated(segments, |s| 190 + 10 * (s % 3), 0.02, settings)
+}
+
+/// The same, of which nothing is told but where it ended: what is told takes longer than iterations.
+pub fn six_dof_briefly(segments: usize) -> Work {
+    let mut work = six_dof(segments);
+    work.settings.asked = Asked::Nothing;
+    work
 }
 
 /// One as large as those of published work: 20 maneuvers of 30 s, the parameters' starts up to a
