@@ -96,6 +96,7 @@ mod regressors;
 mod residuals;
 mod result;
 mod rubbed;
+mod sampled;
 mod search;
 mod segment;
 mod selection;

@@ -65,6 +65,8 @@ pub enum Severity {
     Info,
     /// Something was lost or looks wrong; the result stands without it.
     Warning,
+    /// Something that was asked for is not there.
+    Missing,
 }
 
 /// Something lost or noticed while reading a log: what (a topic, a signal, `file`), how often, and
@@ -84,5 +86,9 @@ impl Note {
 
     pub fn warning(subject: impl Into<String>, count: u64, text: impl Into<String>) -> Note {
         Note { severity: Severity::Warning, subject: subject.into(), count, text: text.into() }
+    }
+
+    pub fn missing(subject: impl Into<String>, count: u64, text: impl Into<String>) -> Note {
+        Note { severity: Severity::Missing, subject: subject.into(), count, text: text.into() }
     }
 }

@@ -8,8 +8,8 @@ use super::series::{Account, Series, seconds};
 use super::turned::Back;
 use crate::units::Unit;
 
-/// What became of the messages of a signal that has no sample.
-pub(super) fn nothing_left(a: &Account) -> String {
+/// What became of the messages of a signal that has no sample; missing unless a log `may_lack` it.
+pub(super) fn nothing_left(name: &str, a: &Account, may_lack: bool) -> Option<Note> {
     let fates = [
         (a.dropped_nan, "hold NaN"),
         (a.dropped_unreadable, "have no number in it, or no time stamp"),
@@ -18,13 +18,22 @@ pub(super) fn nothing_left(a: &Account) -> String {
     ];
     let told: Vec<String> =
         fates.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
-    format!(
-        "field \"{}\" of topic \"{}\" gives no sample: of {} messages {}",
-        a.field,
+    let text = format!(
+        "{} {}: no sample is left: of {} messages {}",
         a.topic,
+        a.field,
         a.messages,
         told.join(", ")
-    )
+    );
+    let note = match may_lack {
+        true => Note::warning(name, a.messages, text),
+        false => {
+            let remedy =
+                "the flight is read without it (optional = true says that a log may lack it)";
+            Note::missing(name, a.messages, format!("{text}; {remedy}"))
+        }
+    };
+    (a.count == 0).then_some(note)
 }
 
 /// What is said of messages that another clock gave.

@@ -95,10 +95,6 @@ impl Context<'_> {
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
-        if samples.is_empty() && !signal.optional {
-            let what = format!("{}: {}", self.log.name(), said::nothing_left(&account));
-            return Err(error("field", what).help(MAY_LACK).into());
-        }
         let turns = around(name, signal, &mut samples);
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
@@ -106,6 +102,7 @@ impl Context<'_> {
         };
         describe(&series, &samples, &mut account);
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
+        notes.extend(said::nothing_left(name, &account, signal.optional));
         notes.extend(said::another_clock(name, &account, &clocks));
         notes.extend(said::set_back(name, &account, &twice));
         notes.extend(said::told(name, signal, &unit, &left_out));
@@ -241,9 +238,6 @@ impl Context<'_> {
                 format!("{from}: {} {of} out of order, sorted", a.reordered),
             ));
         }
-        if a.count == 0 {
-            notes.push(Note::warning(name, a.messages, format!("{from}: no sample is left")));
-        }
         // Stamps of a clock of their own (since boot, say) would silently shift the signal against
         // all others.
         let mut apart: Vec<i64> = stamps
@@ -263,9 +257,6 @@ impl Context<'_> {
         notes
     }
 }
-
-/// What to do where a log has no sample of a signal.
-const MAY_LACK: &str = "optional = true says that a log may lack it: its flight is read without";
 
 /// Drops samples outside the range and spikes; they are returned with their neighbours.
 fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Account) -> Vec<Seen> {

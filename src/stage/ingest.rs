@@ -73,6 +73,7 @@ fn note(flight: &str, n: &log::Note) -> Note {
     let severity = match n.severity {
         log::Severity::Info => Severity::Info,
         log::Severity::Warning => Severity::Warning,
+        log::Severity::Missing => Severity::Missing,
     };
     Note {
         flight: flight.to_string(),

@@ -26,3 +26,4 @@ pub mod unseen;
 pub mod value;
 pub mod variants;
 pub mod verdict;
+mod with_inputs;
