@@ -26,6 +26,9 @@ const BEYOND: f64 = 5.0;
 /// Longer than this, s, no record is late against another by its clock or its filter: what looks so is something
 /// else that is slow. *Convention*.
 const LONGEST: f64 = 0.5;
+/// What takes this share of all that is left is asked as well: a record that is very late colours the residuals
+/// by itself, and what colour makes of chance can be more than there is. *Convention*.
+const MUCH: f64 = 0.1;
 /// Records that are told at most.
 const MOST: usize = 4;
 /// Iterations with them.
@@ -124,7 +127,10 @@ impl Case {
         // What colour of the residuals makes of chance.
         let wider = |i: usize| solution.deviation(i).map(|(sd, crlb)| sd / crlb);
         let wider: Vec<f64> = (0..nc).filter_map(wider).collect();
-        let chance = 0.5 * (BEYOND * median(&wider).max(1.0)).powi(2);
+        let by_chance = |wider: f64| 0.5 * (BEYOND * wider).powi(2);
+        let samples: usize = solution.fit.noise.iter().flat_map(|group| &group.count).sum();
+        let much = (MUCH * 0.5 * samples as f64).max(by_chance(1.0));
+        let chance = by_chance(median(&wider).max(1.0)).min(much);
         let mut chosen: Vec<usize> = Vec::new();
         let mut before = gain(&chosen)?;
         while chosen.len() < MOST {

@@ -99,7 +99,7 @@ fn paused(mut pauses: Vec<Gap>) -> Option<Note> {
     }
     let longest = joined.iter().map(|(from, to)| to - from).fold(0.0, f64::max);
     let text = format!(
-        "nothing was recorded at {} places, {longest:.1} s at the longest: the recorder was paused",
+        "there is nothing at {} places, {longest:.1} s at the longest: the recorder was paused, or what it wrote is lost or was dropped (other notes say so)",
         joined.len()
     );
     (!joined.is_empty()).then(|| Note::info("file", joined.len() as u64, text))

@@ -2,7 +2,7 @@
 //! of every stage goes out.
 
 use super::plan::Plan;
-use super::provenance::{Ingredients, LOG, PLACE, Provenance, Reason};
+use super::provenance::{Ingredients, LOG, PLACE, Provenance, Reason, TWIN};
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::{Stage, Unit};
@@ -82,6 +82,8 @@ fn assess_unit(
             Some(hash) => ingredients.add(LOG.into(), hash),
             None => waits.push("its log is not there yet".to_string()),
         }
+        let twin = plan.twin(store, &unit.name);
+        twin.into_iter().for_each(|twin| ingredients.add(TWIN.into(), twin.clone()));
     }
     for read in (stage.reads)(campaign, &unit) {
         let words = read.part.words(read.table);

@@ -6,6 +6,7 @@ mod logs;
 mod loose;
 mod once;
 mod summaries;
+mod twins;
 
 use super::provenance::hash_bytes;
 use super::settings::Settings;
@@ -44,6 +45,8 @@ pub struct Plan {
     pub sources: Vec<Source>,
     /// Every configuration file that was read for it, with the hash of its text.
     pub files: BTreeMap<PathBuf, String>,
+    /// Flights whose logs are those of others, once somebody asks.
+    twins: OnceLock<BTreeMap<String, String>>,
 }
 
 impl Plan {
@@ -113,6 +116,11 @@ impl Plan {
     pub fn log_hash(&self, store: &Store, flight: &str) -> Result<Option<String>> {
         let hash = store.memo.hash(&self.log(flight)?.path);
         Ok(hash.unwrap_or_else(|e| Some(format!("unreadable: {}", e.what))))
+    }
+
+    /// The flight whose log that of another one is, byte for byte.
+    pub fn twin(&self, store: &Store, flight: &str) -> Option<&String> {
+        self.twins.get_or_init(|| twins::twins(&self.logs, &store.memo)).get(flight)
     }
 }
 
@@ -196,6 +204,7 @@ impl Reader {
                 },
                 told: said,
                 files: BTreeMap::new(),
+                twins: OnceLock::new(),
                 sources,
                 simulation,
                 logs,

@@ -44,6 +44,8 @@ pub const PROGRAM: &str = "program";
 
 /// The ingredient that is the flight's log.
 pub const LOG: &str = "log";
+/// Name of the ingredient that is another flight with the same log.
+pub const TWIN: &str = "another flight of the same log";
 
 /// The version of this program.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

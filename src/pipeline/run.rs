@@ -232,7 +232,9 @@ impl Run<'_> {
             true => Some(self.plan.log_hash(self.store, &unit.name)?.unwrap_or_default()),
             false => None,
         };
+        let twin = log.as_ref().and_then(|_| self.plan.twin(self.store, &unit.name)).cloned();
         Ok(Item {
+            twin,
             stage: stage.name.to_string(),
             unit: unit.clone(),
             tables: (stage.reads)(&self.plan.campaign, unit)

@@ -44,6 +44,8 @@ pub struct Item {
     pub tables: Vec<Needed>,
     /// Content key of the flight's log, for a stage that reads it; the plan says where it is.
     pub log: Option<String>,
+    /// The flight whose log it is besides.
+    pub twin: Option<String>,
 }
 
 /// A part of a table that a unit reads.
@@ -117,6 +119,12 @@ impl Function for UnitOfStage {
         let campaign = &work.plan.campaign;
         let known = campaign.stages.iter().find(|stage| stage.name == item.stage);
         let stage = known.ok_or_else(|| Error::new(format!("no stage \"{}\"", item.stage)))?;
+        if let Some(twin) = &item.twin {
+            let name = &item.unit.name;
+            let what = format!("the log of {name} is that of {twin}, byte for byte");
+            return Err(Error::new(what)
+                .help("take one of the two out of the campaign: a flight that is there twice counts twice"));
+        }
         let log = match &item.log {
             Some(key) => Some(work.log(&item.unit.name, key)?),
             None => None,

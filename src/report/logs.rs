@@ -34,13 +34,15 @@ pub const NOTES: Section = Section {
 const DROPPED: [(&str, &str); 8] = [
     ("dropped_duplicate", "duplicate"),
     ("dropped_out_of_order", "out of order"),
-    ("reordered", "reordered"),
+    (REORDERED, "reordered"),
     ("dropped_nan", "NaN"),
     ("dropped_unreadable", "unreadable"),
     ("dropped_out_of_range", "out of range"),
     ("dropped_spikes", "spikes"),
     ("dropped_times", "wrong times"),
 ];
+/// Put in order again, and not lost.
+const REORDERED: &str = "reordered";
 /// A gap is remarkable when it is longer than this many sample periods.
 const LONG_GAP: f64 = 10.0;
 
@@ -98,7 +100,7 @@ pub fn channels(table: Option<&Columns>) -> Grid {
 /// Whether what was dropped is more than one sample in a thousand; what was put in order again is
 /// not lost.
 fn many_dropped(table: &Columns, name: &str, row: usize) -> bool {
-    name != "reordered" && table.number(name, row) > 1e-3 * table.number("count", row)
+    name != REORDERED && table.number(name, row) > 1e-3 * table.number("count", row)
 }
 
 fn long_gap(table: &Columns, row: usize) -> bool {
@@ -120,10 +122,12 @@ pub fn losses(table: Option<&Columns>) -> Option<(Level, String)> {
         (0..table.rows()).any(|row| DROPPED.iter().any(|(name, _)| many_dropped(table, name, row)));
     let mut sentences = Vec::new();
     if !lost.is_empty() {
+        let dropped = DROPPED.iter().filter(|(name, _)| *name != REORDERED);
+        let all = total("count") + dropped.map(|(name, _)| total(name)).sum::<f64>();
         sentences.push(format!(
             "Samples not taken as they came: {} (of {}).",
             lost.join(", "),
-            plain(total("count"), 0)
+            plain(all, 0)
         ));
     }
     sentences.push(match gaps.as_slice() {

@@ -85,6 +85,9 @@ fn a_late_record_is_told_by_its_name_and_time() {
         ("elevator", Times { elevator: 0.05, ..Times::default() }, 0.05),
         ("tab", Times { tab: -0.03, ..Times::default() }, -0.03),
         ("theta", Times { theta: 0.04, ..Times::default() }, 0.04),
+        // so late that the residuals are coloured by it
+        ("elevator", Times { elevator: 0.25, ..Times::default() }, 0.25),
+        ("tab", Times { tab: -0.2, ..Times::default() }, -0.2),
     ];
     for (record, times, by) in cases {
         let mut z = Vec::new();

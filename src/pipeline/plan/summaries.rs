@@ -38,8 +38,9 @@ impl Summaries {
 
 /// Holds the channel map against the summary section of every log that is there.
 pub fn summaries(channels: &Channels, logs: &[FlightLog]) -> Summaries {
-    let there: Vec<&Path> =
-        logs.iter().map(|log| log.path.as_path()).filter(|path| path.is_file()).collect();
+    // what is there and no file is looked at as well, and told
+    let is_there = |path: &&Path| path.symlink_metadata().is_ok();
+    let there: Vec<&Path> = logs.iter().map(|log| log.path.as_path()).filter(is_there).collect();
     let looks: Vec<_> =
         there.par_iter().map(|path| log::look(path, &channels.map, &channels.doc)).collect();
     let mut all = Summaries::default();

@@ -7,7 +7,7 @@ use crate::error::{Errors, Result};
 use crate::math::distribution::INTERVAL_95;
 use crate::table::{Kind, Table, Want};
 use serde_json::json;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub use config::Settings;
 use config::{NAME, Reference, SIGNALS, Series};
@@ -70,6 +70,8 @@ struct Figure {
     drawn: Vec<Drawn>,
     x_unit: String,
     y_unit: String,
+    /// Units of rows that are not those of their axis, with these.
+    mixed: BTreeSet<[String; 2]>,
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
@@ -116,8 +118,24 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         },
     };
     figure.drawn.extend(settings.reference.iter().map(reference));
+    notes.extend(figure.mixed.iter().map(|units| mixed(settings, units)));
     let table = figure.table(settings, unit.index)?;
     Ok(Output { tables: vec![("figures", table)], files: Vec::new(), notes })
+}
+
+fn mixed(settings: &Settings, [axis, unit]: &[String; 2]) -> Note {
+    let name = &settings.name;
+    let text = format!(
+        "{name}: an axis in {axis} has rows in {unit}: choose those of one unit (`where`), or draw two figures"
+    );
+    Note {
+        flight: String::new(),
+        stage: NAME.to_string(),
+        severity: Severity::Warning,
+        subject: name.clone(),
+        count: 1,
+        text,
+    }
 }
 
 fn nothing(settings: &Settings, series: &Series) -> Note {
@@ -319,11 +337,13 @@ impl Figure {
             unit if unit == "-" => String::new(),
             unit => unit,
         };
-        if self.x_unit.is_empty() {
-            self.x_unit = of(&series.x, "unit_x");
-        }
-        if self.y_unit.is_empty() && !series.strips {
-            self.y_unit = of(&series.y, "unit");
+        let y = if series.strips { String::new() } else { of(&series.y, "unit") };
+        for (axis, unit) in [(&mut self.x_unit, of(&series.x, "unit_x")), (&mut self.y_unit, y)] {
+            if axis.is_empty() {
+                *axis = unit;
+            } else if !unit.is_empty() && unit != *axis {
+                self.mixed.insert([axis.clone(), unit]);
+            }
         }
     }
 
