@@ -81,7 +81,8 @@ fn options(
     Ok(options)
 }
 
-/// Numbers of options, one per name; names of the same role take different ones, in one order only.
+/// Numbers of options, one per name; names of the same role take different ones, in one order only. What an
+/// effect changes with may be what it is made dimensionless with (the airspeed).
 fn combinations(effect: &Effect, options: &IndexMap<String, Vec<Bound>>) -> Vec<Vec<usize>> {
     let roles: Vec<&str> = effect.file.bind.values().map(Bind::role).collect();
     let mut all: Vec<Vec<usize>> = vec![Vec::new()];
@@ -98,8 +99,9 @@ fn combinations(effect: &Effect, options: &IndexMap<String, Vec<Bound>>) -> Vec<
         all = all.into_iter().flat_map(extend).collect();
     }
     let same = |chosen: &Vec<usize>| {
-        let texts: Vec<&str> =
-            chosen.iter().zip(options.values()).map(|(&i, found)| found[i].text.as_str()).collect();
+        let texts = chosen.iter().zip(options.values()).map(|(&i, found)| found[i].text.as_str());
+        let distinct = texts.zip(&roles).filter(|(_, role)| **role != "condition");
+        let texts: Vec<&str> = distinct.map(|(text, _)| text).collect();
         (1..texts.len()).any(|k| texts[..k].contains(&texts[k]))
     };
     all.into_iter().filter(|chosen| !same(chosen)).collect()

@@ -14,6 +14,7 @@
 //!   linear): no correlation at any lag is above chance and above the root of `innovation_input`, the
 //!   share of their power (of a record with noise the neighbours are asked, which do not share its noise:
 //!   what is new answers to that as well),
+//! - none lasts far longer than the records: that is a constant in each of them, and no turbulence,
 //! - a density is known to be more than nothing.
 //!
 //! Whatever drives the motion in proportion to an input, or to the motion itself, does not look like
@@ -235,6 +236,7 @@ fn judged(
     // What goes with an input tells most.
     let with_input = with_inputs(model, flown, estimation, thresholds);
     objections.extend(with_input.clone());
+    objections.extend(constant(&densities, flown.0));
     for before in left {
         let Some(after) = innovations.iter().find(|l| l.output == before.output) else { continue };
         let noise = noise(estimation, &before.output);
@@ -274,6 +276,24 @@ fn judged(
         objections.push("none of its densities is more than nothing".into());
     }
     Turbulence { densities, outputs, objection: objections.into_iter().next(), with_input }
+}
+
+/// Noise that lasts so many times as long as the longest record hardly moves in any of them. *Convention*.
+const CONSTANT: f64 = 3.0;
+
+/// Noise that lasts far longer than the records is a constant in each of them: an error of the model that
+/// differs from maneuver to maneuver, or from flight to flight.
+fn constant(densities: &[Density], segments: &[Segment]) -> Option<String> {
+    let length = |s: &Segment| s.record.dt * s.record.n as f64;
+    let longest = segments.iter().map(length).fold(0.0, f64::max);
+    let lasts = |d: &&Density| {
+        d.value > 0.0 && d.lasts.is_some_and(|(lasts, _)| lasts > CONSTANT * longest)
+    };
+    let found = densities.iter().find(lasts)?;
+    Some(format!(
+        "what drives the rate of {} lasts {:.0} s, far longer than the maneuvers ({longest:.0} s at most): it is a constant in each of them, no turbulence",
+        found.state, found.lasts?.0
+    ))
 }
 
 /// Root of the mean variance of a sensor's noise, over the segments.
