@@ -124,18 +124,10 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
 }
 
 fn mixed(settings: &Settings, [axis, unit]: &[String; 2]) -> Note {
-    let name = &settings.name;
-    let text = format!(
-        "{name}: an axis in {axis} has rows in {unit}: choose those of one unit (`where`), or draw two figures"
+    let what = format!(
+        "an axis in {axis} has rows in {unit}: choose those of one unit (`where`), or draw two figures"
     );
-    Note {
-        flight: String::new(),
-        stage: NAME.to_string(),
-        severity: Severity::Warning,
-        subject: name.clone(),
-        count: 1,
-        text,
-    }
+    note(settings, Severity::Warning, &what)
 }
 
 fn nothing(settings: &Settings, series: &Series) -> Note {
@@ -147,13 +139,18 @@ fn nothing(settings: &Settings, series: &Series) -> Note {
     let of = if rows.is_empty() { String::new() } else { format!(" with {}", rows.join(", ")) };
     let during = series.during.iter().map(|segment| format!(" during {segment}"));
     let of = of + &during.collect::<String>();
+    let what = format!("the table `{}` has no rows{of} to draw", series.table);
+    note(settings, Severity::Missing, &what)
+}
+
+fn note(settings: &Settings, severity: Severity, what: &str) -> Note {
     Note {
         flight: String::new(),
         stage: NAME.to_string(),
-        severity: Severity::Missing,
+        severity,
         subject: settings.name.clone(),
         count: 1,
-        text: format!("{}: the table `{}` has no rows{of} to draw", settings.name, series.table),
+        text: format!("{}: {what}", settings.name),
     }
 }
 
