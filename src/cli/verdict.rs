@@ -161,19 +161,21 @@ fn to_use(table: &Table, candidate: &str) -> Result<String> {
     let (candidates, parameters, units) =
         (table.strings("candidate")?, table.strings("parameter")?, table.strings("unit")?);
     let (values, sds, sources) = (table.f64("value")?, table.f64("sd")?, table.strings("source")?);
+    let of = table.opt_strings("of")?;
     let mine: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i] == candidate).collect();
     let value = |&i: &usize| {
         let unit = if units[i] == "-" { String::new() } else { format!(" {}", units[i]) };
         let digits = crate::math::digits;
+        let name = match of[i] {
+            Some(of) => format!("{} in {of}", parameters[i]),
+            None => parameters[i].to_string(),
+        };
         match sds[i].is_finite() {
-            true => format!(
-                "{} = {} +- {}{unit}",
-                parameters[i],
-                digits(values[i]),
-                digits(INTERVAL_95 * sds[i])
-            ),
+            true => {
+                format!("{name} = {} +- {}{unit}", digits(values[i]), digits(INTERVAL_95 * sds[i]))
+            }
             false => {
-                format!("{} not determined (best at {}{unit})", parameters[i], digits(values[i]))
+                format!("{name} not determined (best at {}{unit})", digits(values[i]))
             }
         }
     };
@@ -244,6 +246,7 @@ mod tests {
             .repeat("diagnosis", "d")
             .strings("candidate", ["one", "two", "two"])
             .strings("parameter", ["a", "b", "c"])
+            .opt_strings("of", [None::<String>, None, None])
             .strings("unit", ["-", "m", "-"])
             .f64("value", vec![1.0, 8.4, 0.25])
             .f64("sd", vec![0.1, 0.2, f64::NAN])

@@ -346,6 +346,11 @@ thresholds! {
     /// missing response to an input passes for turbulence.
     innovation_input: f64 = 0.01, "share of the mean square";
 
+    /// How long noise that drives a model may last, in times of the longest record. *Convention*: it
+    /// hardly moves in any record then. Lower: slow gusts are something missing. Higher: an error that
+    /// differs from flight to flight passes for turbulence.
+    lasting: f64 = 3.0, "times the longest record";
+
     // ---- The noise model, by which everything is weighted -------------------------------------------------------------------------------
 
     /// Highest order of the vector model of several outputs. *Convention*: what single filters

@@ -158,7 +158,9 @@ fn rows(case: &Case, used: &[usize], solution: &Solution, told: &Told) -> Vec<Ro
             lower: profile.and_then(|p| p.lower),
             upper: profile.and_then(|p| p.upper),
             start: case.layout.start[i],
-            at_bound: solution.fit.held[i] && !solution.fit.idle[i],
+            at_bound: solution.fit.held[i]
+                && !solution.fit.idle[i]
+                && case.layout.lower[i] < case.layout.upper[i],
             idle: solution.fit.idle[i],
         }
     };

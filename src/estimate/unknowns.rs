@@ -127,15 +127,20 @@ impl List<'_> {
     }
 
     /// Parameter `p` of the model. A prior is the model's: where an iteration starts says nothing about
-    /// the parameter.
+    /// the parameter. Where both bounds are one value there is nothing to estimate.
     fn parameter(&mut self, p: usize, segment: Option<usize>, group: Option<Label>) {
         let q = &self.model.parameters[p];
-        let before = Before {
-            start: self.chosen.parameters[p],
-            lower: q.min,
-            upper: q.max,
-            centre: self.declared[p],
-            prior_sd: if self.priors { q.prior_sd } else { f64::INFINITY },
+        let declared = self.declared[p];
+        let is_held = group.as_ref().is_some_and(|group| q.held_in.as_ref() == Some(&group.value));
+        let before = match is_held {
+            true => Before { lower: declared, upper: declared, ..Before::free(declared) },
+            false => Before {
+                start: self.chosen.parameters[p],
+                lower: q.min,
+                upper: q.max,
+                centre: declared,
+                prior_sd: if self.priors { q.prior_sd } else { f64::INFINITY },
+            },
         };
         let (name, unit) = (q.quantity.name.clone(), q.quantity.unit.clone());
         self.push(Unknown { name, unit, segment, group }, before);

@@ -84,6 +84,9 @@ impl Compiler<'_> {
                     self.error(&here, 0, format!("\"{name}\": per is campaign, segment, or a column of the segments, not empty"));
                 }
                 let scope = Scope::parse(&p.per);
+                if p.held_in.is_some() && !matches!(scope, Scope::Column(_)) {
+                    self.error(&here, 0, format!("\"{name}\": held_in is a value of the column that it is per (per = \"flight\"), and it is per {}", scope.name()));
+                }
                 if self.add_symbol(name, Symbol::Parameter(self.model.parameters.len()), here) {
                     self.dims.insert(name.clone(), dim);
                     let prior_sd = p.sd.unwrap_or(f64::INFINITY);
@@ -93,6 +96,7 @@ impl Compiler<'_> {
                         min,
                         max,
                         scope,
+                        held_in: p.held_in.clone(),
                         fixed: p.fixed,
                         prior_sd,
                     });
@@ -207,6 +211,7 @@ impl Compiler<'_> {
                 min,
                 max,
                 scope,
+                held_in: None,
                 fixed,
                 prior_sd: if fixed { f64::INFINITY } else { sd },
             });

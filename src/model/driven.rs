@@ -151,6 +151,7 @@ impl Model {
             min: one.floor,
             max: f64::INFINITY,
             scope: scope.clone(),
+            held_in: None,
             fixed: false,
             prior_sd: f64::INFINITY,
         });

@@ -218,6 +218,7 @@ impl Model {
             min,
             max,
             scope,
+            held_in: None,
             fixed: false,
             prior_sd: f64::INFINITY,
         });

@@ -129,6 +129,10 @@ pub struct ParameterEntry {
     /// there).
     #[serde(default = "campaign")]
     pub per: String,
+    /// Of a parameter that is `per` a column: the value of that column (a flight) in which it is held at
+    /// `start`. Where another parameter can move all values at once, the others are differences from
+    /// that one.
+    pub held_in: Option<String>,
     /// Held at `start` unless an estimation frees it.
     #[serde(default)]
     pub fixed: bool,

@@ -51,6 +51,8 @@ pub struct Parameter {
     pub min: f64,
     pub max: f64,
     pub scope: Scope,
+    /// The value of the scope's column in which it is held at `start`.
+    pub held_in: Option<String>,
     /// Held at `start` unless an estimation frees it.
     pub fixed: bool,
     /// Standard deviation of a prior centred at `start`; infinite without one.

@@ -81,6 +81,7 @@ impl Model {
             min: least,
             max: f64::INFINITY,
             scope: Scope::Campaign,
+            held_in: None,
             fixed: false,
             prior_sd: f64::INFINITY,
         });

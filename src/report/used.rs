@@ -9,6 +9,7 @@ use super::grid::{Cell, Grid, Level};
 pub struct Added {
     pub diagnosis: String,
     pub candidate: String,
+    /// With the flight that it is of, where it differs by flight.
     parameter: String,
     unit: String,
     /// Value and sd of the fit to the training maneuvers.
@@ -44,10 +45,12 @@ pub fn added(recommended: Option<&Columns>) -> Vec<Added> {
     let Some(table) = recommended else { return Vec::new() };
     let mut all: Vec<Added> = Vec::new();
     for row in 0..table.rows() {
+        let of = table.text("of", row);
+        let of = if of.is_empty() { of } else { format!(" in {of}") };
         let one = Added {
             diagnosis: table.text("diagnosis", row),
             candidate: table.text("candidate", row),
-            parameter: table.text("parameter", row),
+            parameter: table.text("parameter", row) + &of,
             unit: table.unit_in("unit", row),
             fitted: [table.number("fitted", row), table.number("fitted_sd", row)],
             used: [table.number("value", row), table.number("sd", row)],
@@ -105,6 +108,7 @@ mod tests {
             .repeat("diagnosis", "d")
             .repeat("candidate", "lag")
             .strings("parameter", ["tau", "depth", "tau"])
+            .opt_strings("of", [None, Some("f3"), None])
             .repeat("unit", "s")
             .f64("value", [0.11, 3.5, 0.12])
             .f64("sd", [0.01, f64::NAN, 0.005])
@@ -121,6 +125,6 @@ mod tests {
             (all[0].words(), all[0].source.as_str()),
             ("tau = 0.1200 ± 0.0098 [s]".into(), "estimate over all maneuvers")
         );
-        assert_eq!(all[1].words(), "depth = not determined, best at 3.50 [s]");
+        assert_eq!(all[1].words(), "depth in f3 = not determined, best at 3.50 [s]");
     }
 }

@@ -141,11 +141,12 @@ pub fn settle_steps(case: &mut Case, theta: &[f64], least: &[usize]) {
     }
 }
 
-/// Shared parameters that any of these segments sees, ascending.
+/// Shared parameters that move and that any of these segments sees, ascending.
 pub fn seen(case: &Case, segments: &[usize]) -> Vec<usize> {
-    (0..case.layout.shared)
-        .filter(|i| segments.iter().any(|&s| case.layout.parts[s].shared.contains(i)))
-        .collect()
+    let layout = &case.layout;
+    let moves = |i: &usize| layout.lower[*i] < layout.upper[*i];
+    let is_seen = |i: &usize| segments.iter().any(|&s| layout.parts[s].shared.contains(i));
+    (0..layout.shared).filter(|i| moves(i) && is_seen(i)).collect()
 }
 
 /// The best fit of a case to its training segments under the given noise, from `theta`. The

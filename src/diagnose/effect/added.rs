@@ -29,6 +29,9 @@ pub struct Added {
     /// A step that is worth seeing.
     pub typical: f64,
     pub scope: Scope,
+    /// The value of the scope's column in which it stays at null, and from which the others differ; none
+    /// where nothing in the base moves all of them at once.
+    pub held_in: Option<String>,
     pub check: Option<Check>,
 }
 

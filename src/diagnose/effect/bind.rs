@@ -308,6 +308,7 @@ impl<'a> Binding<'a> {
             span: range.min(max - min),
             typical: step.abs() * scale,
             scope: Scope::parse(&size.per),
+            held_in: None,
             check,
         }
     }

@@ -77,6 +77,8 @@ impl Block {
 }
 
 fn parameter(a: &Added, value: Option<f64>, found: bool, fixed: bool, doc: &str) -> String {
+    // Where it is held it is at null.
+    let value = value.filter(|_| a.held_in.is_none());
     let start =
         value.or(a.hold.filter(|_| found)).or(a.null).or(a.starts.first().copied()).unwrap_or(0.0);
     let mut line = format!("{} = {{ unit = {}, start = {start:?}", key(&a.name), quoted(&a.unit));
@@ -87,6 +89,9 @@ fn parameter(a: &Added, value: Option<f64>, found: bool, fixed: bool, doc: &str)
     }
     if a.scope != Scope::Campaign {
         let _ = write!(line, ", per = {}", quoted(a.scope.name()));
+    }
+    if let Some(value) = &a.held_in {
+        let _ = write!(line, ", held_in = {}", quoted(value));
     }
     if fixed {
         line += ", fixed = true";

@@ -70,6 +70,19 @@ impl Candidate {
         self.added.iter().map(|a| a.null.unwrap_or_else(|| of_shape(a))).collect()
     }
 
+    /// The same with size `size` at null where its scope's column has this value, `base` being the model
+    /// that it was bound to.
+    ///
+    /// # Errors
+    /// The model is none: it was one before.
+    pub fn held_in(&self, base: &Model, size: usize, value: &str) -> Result<Candidate, Errors> {
+        let mut held = self.clone();
+        held.added[size].held_in = Some(value.to_string());
+        let text = held.block.text(&held.added, &BTreeMap::new(), false, &[], "");
+        held.model = base.amended(&format!("\n{text}"))?;
+        Ok(held)
+    }
+
     /// Names that it declares besides constants, which several may share.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.block.names().chain(self.added.iter().map(|a| a.name.as_str()))

@@ -262,6 +262,8 @@ mod tests {
             at_bound,
             held,
             own,
+            of: None,
+            from: None,
             left: None,
             check: None,
             is_determined,
@@ -298,6 +300,7 @@ mod tests {
             at: Vec::new(),
             left: 1.0,
             imitators: Vec::new(),
+            references: Vec::new(),
             silent: false,
         };
         Judged {

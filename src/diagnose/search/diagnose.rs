@@ -17,7 +17,7 @@ use super::fits::Fits;
 use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::joined;
-use super::round::held_against;
+use super::round::{held_against, referenced};
 use super::verdict::{Diagnosis, Verdict};
 use crate::diagnose::base::constants::with_constants;
 use crate::diagnose::base::found::{Found, at_first, at_next};
@@ -200,12 +200,26 @@ impl Search<'_> {
         self.subject.settings.thresholds.rivals
     }
 
+    /// The library for a model. What a round found to differ from a value of its column does so in all that
+    /// follow.
+    fn offered(&self, stand: &Stand) -> Result<Offered, Errors> {
+        let (mut candidates, skipped) = (self.offer)(&stand.model)?;
+        let differs = |j: &&Judged| !j.screened.references.is_empty();
+        for judged in self.out.rounds.iter().flat_map(|r| &r.judged).filter(differs) {
+            for candidate in candidates.iter_mut().filter(|c| c.name == judged.name) {
+                *candidate =
+                    referenced(candidate, stand, &judged.screened.references)?.into_owned();
+            }
+        }
+        Ok((candidates, skipped))
+    }
+
     /// The base with these links, and the candidates that they are; none where one of them cannot
     /// be attached to the others.
     fn chained(&self, links: &[Link]) -> Result<Option<(Stand, Vec<Candidate>)>, Errors> {
         let (mut stand, mut added) = (self.first(), Vec::new());
         for link in links {
-            let (candidates, _) = (self.offer)(&stand.model)?;
+            let (candidates, _) = self.offered(&stand)?;
             let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) else {
                 return Ok(None);
             };
@@ -224,7 +238,7 @@ impl Search<'_> {
                 return Ok(());
             }
             let found = made.as_deref().unwrap_or(base);
-            let (mut candidates, skipped) = (self.offer)(&stand.model)?;
+            let (mut candidates, skipped) = self.offered(&stand)?;
             if self.out.rounds.is_empty() {
                 self.out.skipped = skipped;
             }

@@ -298,6 +298,8 @@ fn values(
             at_bound: at.is_some_and(|at| bound(last[at])),
             held: added.is_held(),
             own: added.scope == Scope::Segment,
+            of: at.and_then(|at| case.unknowns[last[at]].group.clone()),
+            from: added.held_in.clone(),
             left: at.and_then(|at| spread.and_then(|s| s.left.get(at).copied())),
             check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
             is_determined: false,
@@ -308,7 +310,8 @@ fn values(
 }
 
 /// How likely it is that sizes per flight (or another column) scatter so much about one number: with
-/// values `v` of information `F`, `Q = v'F v - (1'F v)^2/(1'F 1)` against chi-square.
+/// values `v` of information `F`, `Q = v'F v - (1'F v)^2/(1'F 1)` against chi-square; where they are
+/// differences from one of them, `Q = v'F v`.
 fn alike(
     case: &Case,
     candidate: &Candidate,
@@ -321,7 +324,8 @@ fn alike(
     let one = |added: &Added| {
         let these: Vec<usize> =
             (0..k).filter(|&at| case.unknowns[last[at]].name == added.name).collect();
-        let dof = these.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
+        let common = usize::from(added.held_in.is_none());
+        let dof = these.len().checked_sub(common).filter(|dof| *dof > 0)? as f64;
         let f = |a: usize, b: usize| spread.information[a * k + b];
         let sum = |of: &dyn Fn(usize, usize) -> f64| -> f64 {
             these
@@ -332,8 +336,8 @@ fn alike(
         };
         let v = |at: usize| theta[last[at]];
         let all = sum(&|a, b| f(a, b));
-        let common = sum(&|a, b| f(a, b) * v(b));
-        let q = sum(&|a, b| v(a) * f(a, b) * v(b)) - common * common / all;
+        let mean = common as f64 * sum(&|a, b| f(a, b) * v(b)) / all;
+        let q = sum(&|a, b| v(a) * f(a, b) * v(b)) - mean * mean * all;
         (all > 0.0 && q.is_finite()).then(|| 1.0 - chi2_cdf(q.max(0.0), dof))
     };
     candidate.added.iter().filter(per_column).filter_map(one).min_by(f64::total_cmp)

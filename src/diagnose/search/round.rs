@@ -9,7 +9,7 @@ use super::judged::{Judged, Round};
 use super::refit;
 use super::screen::screen;
 use super::surrogate::{best_of_surrogates, chance};
-use super::tried::Screened;
+use super::tried::{Reference, Screened};
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::stand::Stand;
 use crate::diagnose::effect::Candidate;
@@ -20,6 +20,7 @@ use crate::error::Errors;
 use crate::estimate::{Case, Segment};
 use crate::math::quantile;
 use crate::model::Scope;
+use std::borrow::Cow;
 
 /// Screens all candidates, refits and judges the best. Chance gives at least `least`: fewer
 /// candidates may take part than one of them was found among. `tested`: the one that the round is
@@ -88,7 +89,8 @@ pub fn held_against(
     });
     for (at, &i) in order.iter().take(settings.refits).enumerate() {
         progress(&format!("fit {} of {refits}, {}", at + 1, judged[i].name));
-        let one = fits.of(found, &ground, &candidates[i], &judged[i].screened.at)?;
+        let candidate = &referenced(&candidates[i], stand, &judged[i].screened.references)?;
+        let one = fits.of(found, &ground, candidate, &judged[i].screened.at)?;
         let judged = &mut judged[i];
         let Some((one, left)) = one else {
             (judged.standing, judged.why) =
@@ -107,7 +109,7 @@ pub fn held_against(
             || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
         let mut against = objection(judged, settings).or_else(faint);
         if let (None, Some(refit)) = (&against, &judged.refit) {
-            against = by_noise(&ground, &candidates[i], refit)?.map(|why| (Standing::ByNoise, why));
+            against = by_noise(&ground, candidate, refit)?.map(|why| (Standing::ByNoise, why));
         }
         match against {
             Some((standing, why)) => {
@@ -157,6 +159,22 @@ pub fn held_against(
         (judged[i].standing, judged[i].why) = (standing, words);
     }
     Ok(Round { limit, judged, class, located, base: Vec::new(), strict: false })
+}
+
+/// A candidate whose sizes that differ by a column stay at null at these values of it.
+///
+/// # Errors
+/// As `Candidate::held_in`.
+pub fn referenced<'c>(
+    candidate: &'c Candidate,
+    stand: &Stand,
+    references: &[Reference],
+) -> Result<Cow<'c, Candidate>, Errors> {
+    let mut held = Cow::Borrowed(candidate);
+    for Reference { size, value } in references {
+        held = Cow::Owned(held.held_in(&stand.model, *size, value)?);
+    }
+    Ok(held)
 }
 
 fn fitted_count(refit: &refit::Refit) -> usize {

@@ -17,7 +17,7 @@ use super::ground::Ground;
 use super::probes::Probes;
 use super::projected::{Candidates, Part, Sums, sums_of_each};
 use super::screening::Screening;
-use super::tried::{Column, Squares, Trial, Tried, pairs};
+use super::tried::{Column, Only, Squares, Trial, Tried, pairs};
 use crate::diagnose::base::training::Task;
 use crate::diagnose::effect::{Added, Candidate};
 use crate::error::Errors;
@@ -49,7 +49,7 @@ fn screen_by(ground: &Ground, candidates: &[Candidate], sums: usize) -> Result<S
         let added = &candidates[trial.candidate].added;
         for size in 0..added.len() {
             let Some(null) = added[size].null else { continue };
-            for only in sets(ground, &added[size].scope) {
+            for only in sets(ground, &added[size]) {
                 trial.columns.push(columns.len());
                 columns.push(Column { size, only });
                 bounds.push(reach(&added[size], null, trial.row));
@@ -90,9 +90,10 @@ fn reach(added: &Added, null: f64, row: usize) -> (f64, f64) {
     }
 }
 
-/// The sets of training segments that share one value of a parameter; none for all of them.
-fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
-    let column = match scope {
+/// The sets of training segments that share one value of a size, but where it is held; none for all of
+/// them.
+fn sets(ground: &Ground, added: &Added) -> Vec<Option<Only>> {
+    let column = match &added.scope {
         Scope::Campaign => return vec![None],
         Scope::Segment => SEGMENT,
         Scope::Column(column) => column,
@@ -100,15 +101,13 @@ fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
     let these: Vec<&Segment> = ground.segments.iter().map(|&s| ground.of[s]).collect();
     let grouping = Grouping::by(column, &these);
     let members = |group: usize| {
-        ground
-            .segments
-            .iter()
-            .zip(&grouping.of)
-            .filter(move |(_, of)| **of == group)
-            .map(|(&s, _)| s)
-            .collect()
+        let of = ground.segments.iter().zip(&grouping.of);
+        of.filter(move |(_, of)| **of == group).map(|(&s, _)| s).collect()
     };
-    (0..grouping.values.len()).map(|group| Some(members(group))).collect()
+    let one =
+        |(group, value): (usize, &String)| Only { segments: members(group), value: value.clone() };
+    let sets = grouping.values.iter().enumerate().map(one);
+    sets.filter(|only| added.held_in.as_ref() != Some(&only.value)).map(Some).collect()
 }
 
 /// What is asked of every segment.
@@ -134,7 +133,7 @@ fn segment(ground: &Ground, probes: &Probes, asked: &Asked, s: usize) -> Option<
         let mut here = Vec::new();
         for (k, &c) in trial.columns.iter().enumerate() {
             let column = &asked.columns[c];
-            if column.only.as_ref().is_some_and(|only| !only.contains(&s)) {
+            if column.only.as_ref().is_some_and(|only| !only.segments.contains(&s)) {
                 continue;
             }
             let known = made.iter_mut().find(|(size, _)| *size == column.size);

@@ -4,10 +4,11 @@
 use super::ground::Ground;
 use super::projected::Sums;
 use super::settled::Settled;
-use super::tried::{Imitator, Screened, Squares, Tried};
-use crate::diagnose::effect::Candidate;
+use super::tried::{Imitator, Reference, Screened, Squares, Tried};
+use crate::diagnose::effect::{Added, Candidate};
 use crate::diagnose::residual::gain::gain;
 use crate::math::products::{DEPENDENT, with_each};
+use crate::model::Scope;
 
 /// Of a candidate's column less than this share is left beside the base: an estimate of its size
 /// would have more than thirty times the sd that it has with the base known.
@@ -138,18 +139,26 @@ impl Screening {
         let raw = |c: usize| before.scale[n + c];
         let left = mine.iter().map(|&c| shares[c]).fold(0.0, f64::max);
         let silent = mine.iter().all(|&c| raw(c) <= 0.0);
-        let none =
-            Screened { gain: 0.0, taken: 0, at: Vec::new(), left, imitators: Vec::new(), silent };
+        let none = Screened {
+            gain: 0.0,
+            taken: 0,
+            at: Vec::new(),
+            left,
+            imitators: Vec::new(),
+            references: Vec::new(),
+            silent,
+        };
         let imitators = || {
             let by = mine.iter().max_by(|a, b| raw(**a).total_cmp(&raw(**b)));
             let by = by.filter(|_| !silent && left < IMITATED);
             by.map(|&c| imitators(ground, before, c)).unwrap_or_default()
         };
-        let (Some((gain, ..)), Some((_, t, b))) =
+        let (Some((gain, best, found)), Some((_, t, b))) =
             (self.best(candidate, &|t| self.found(t)), self.start(candidate, candidates))
         else {
             return Screened { imitators: imitators(), ..none };
         };
+        let references = self.references(best, &found, &candidates[candidate].added);
         let trial = &self.tried.trials[t];
         let mut at = trial.at.clone();
         for (&c, b) in trial.columns.iter().zip(&b).rev() {
@@ -157,7 +166,28 @@ impl Screening {
             let null = candidates[candidate].added[column.size].null.unwrap_or_default();
             at[column.size] = null + b;
         }
-        Screened { gain, taken: trial.columns.len(), at, imitators: imitators(), ..none }
+        let taken = self.settled[t].kept.len();
+        Screened { gain, taken, at, imitators: imitators(), references, ..none }
+    }
+
+    /// Of each size of a trial that differs by a column, and whose values the base moves all at once: the
+    /// value in the middle of those found. What is common to them is the base's.
+    fn references(&self, trial: usize, found: &[f64], added: &[Added]) -> Vec<Reference> {
+        let (columns, settled) = (&self.tried.trials[trial].columns, &self.settled[trial]);
+        let size_of = |k: &usize| self.tried.columns[columns[*k]].size;
+        let by_column = |size: &usize| matches!(added[*size].scope, Scope::Column(_));
+        let mut sizes: Vec<usize> =
+            settled.dependent.iter().map(size_of).filter(by_column).collect();
+        sizes.dedup();
+        let middle = |size: usize| {
+            let told = settled.kept.iter().chain(&settled.dependent);
+            let mut mine: Vec<usize> = told.copied().filter(|k| size_of(k) == size).collect();
+            mine.sort_by(|&a, &b| found[a].total_cmp(&found[b]).then(a.cmp(&b)));
+            let at = mine.get((mine.len() - 1) / 2)?;
+            let value = self.tried.columns[columns[*at]].only.as_ref()?.value.clone();
+            Some(Reference { size, value })
+        };
+        sizes.into_iter().filter_map(middle).collect()
     }
 
     /// How many sums of samples noise is drawn on.

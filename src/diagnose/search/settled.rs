@@ -8,6 +8,8 @@ use crate::math::products::{DEPENDENT, dot};
 pub struct Settled {
     /// Their places in the trial.
     pub kept: Vec<usize>,
+    /// Of the others those that depend on them and the base together, and on neither alone.
+    pub dependent: Vec<usize>,
     /// Their information, `[k][k]`.
     pub information: Vec<f64>,
     /// `T` with `T A T' = F`, of the information `F` and that of the sums, `A`; `[k][k]`, lower. None
@@ -27,6 +29,7 @@ impl Settled {
         let n = raw.len();
         let at = |i: usize, j: usize| products[i * n + j];
         let (mut kept, mut factor): (Vec<usize>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
+        let mut dependent = Vec::new();
         for j in (0..n).filter(|&j| sound[j]) {
             let mut row: Vec<f64> = Vec::new();
             for (k, &i) in kept.iter().enumerate() {
@@ -37,11 +40,13 @@ impl Settled {
                 row.push(pivot.sqrt());
                 factor.push(row);
                 kept.push(j);
+            } else {
+                dependent.push(j);
             }
         }
         let information = kept.iter().flat_map(|&i| kept.iter().map(move |&j| at(i, j))).collect();
         let exact = exact(&factor, &kept.iter().map(|&j| sums[j]).collect::<Vec<_>>());
-        Settled { kept, information, exact }
+        Settled { kept, dependent, information, exact }
     }
 
     /// Slopes with the exact covariance, of slopes drawn on sums of samples; nothing where those are

@@ -5,8 +5,16 @@
 pub struct Column {
     /// Index into `Candidate::added`.
     pub size: usize,
-    /// The segments it belongs to; none for a size common to all.
-    pub only: Option<Vec<usize>>,
+    /// Where it belongs to; none for a size common to all.
+    pub only: Option<Only>,
+}
+
+/// Segments that have a size in common.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Only {
+    pub segments: Vec<usize>,
+    /// Their value of the column by which the size differs.
+    pub value: String,
 }
 
 /// One way to bring a candidate in: a row of the starts of its shapes and the steps of its sizes.
@@ -34,8 +42,20 @@ pub struct Screened {
     pub left: f64,
     /// Base parameters that imitate it most, where next to nothing is left.
     pub imitators: Vec<Imitator>,
+    /// Of sizes that differ by a column, where the base moves all of their values at once: the value from
+    /// which the others differ.
+    pub references: Vec<Reference>,
     /// The model did not run, or nothing in the flights moves it.
     pub silent: bool,
+}
+
+/// Where a size stays at null, and from which the others differ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    /// Index into `Candidate::added`.
+    pub size: usize,
+    /// Value of the column by which the size differs.
+    pub value: String,
 }
 
 /// A parameter of the base that takes over what a candidate would say.

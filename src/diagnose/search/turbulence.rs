@@ -236,7 +236,7 @@ fn judged(
     // What goes with an input tells most.
     let with_input = with_inputs(model, flown, estimation, thresholds);
     objections.extend(with_input.clone());
-    objections.extend(constant(&densities, flown.0));
+    objections.extend(constant(&densities, flown.0, thresholds));
     for before in left {
         let Some(after) = innovations.iter().find(|l| l.output == before.output) else { continue };
         let noise = noise(estimation, &before.output);
@@ -278,16 +278,17 @@ fn judged(
     Turbulence { densities, outputs, objection: objections.into_iter().next(), with_input }
 }
 
-/// Noise that lasts so many times as long as the longest record hardly moves in any of them. *Convention*.
-const CONSTANT: f64 = 3.0;
-
 /// Noise that lasts far longer than the records is a constant in each of them: an error of the model that
 /// differs from maneuver to maneuver, or from flight to flight.
-fn constant(densities: &[Density], segments: &[Segment]) -> Option<String> {
+fn constant(
+    densities: &[Density],
+    segments: &[Segment],
+    thresholds: &Thresholds,
+) -> Option<String> {
     let length = |s: &Segment| s.record.dt * s.record.n as f64;
     let longest = segments.iter().map(length).fold(0.0, f64::max);
     let lasts = |d: &&Density| {
-        d.value > 0.0 && d.lasts.is_some_and(|(lasts, _)| lasts > CONSTANT * longest)
+        d.value > 0.0 && d.lasts.is_some_and(|(lasts, _)| lasts > thresholds.lasting * longest)
     };
     let found = densities.iter().find(lasts)?;
     Some(format!(

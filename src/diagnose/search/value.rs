@@ -2,6 +2,7 @@
 //! determine it, out.
 
 use crate::diagnose::thresholds::Thresholds;
+use crate::estimate::Label;
 
 /// One added parameter after a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +25,10 @@ pub struct Value {
     pub held: bool,
     /// There is one for every maneuver; `value` is the largest.
     pub own: bool,
+    /// Of one that differs by a column: where it has this value, the furthest from null in its sd.
+    pub of: Option<Label>,
+    /// And the value of that column in which it is held at null, if there is one.
+    pub from: Option<String>,
     /// Share of its information that is left once everything else is unknown too.
     pub left: Option<f64>,
     /// What physics expects: in words, the value, and within what share of it.

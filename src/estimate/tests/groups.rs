@@ -110,6 +110,32 @@ fn recovery_of_one_value_per_group() {
     assert_eq!(e.correlations.len(), 10 + 4 * 3);
 }
 
+/// A shift of all flights and one of each: of a constant added to all of the latter nothing is seen. Held
+/// in one flight they are differences from it.
+#[test]
+fn recovery_of_differences_from_one_group() {
+    let with = |held: &str| {
+        let text = TEXT.replace(
+            "y_0 = { unit = \"rad\", start = 0.0, per = \"flight\" }",
+            &format!(
+                "y_0 = {{ unit = \"rad\", start = 0.0, per = \"flight\"{held} }}\ny_1 = {{ unit = \"rad\", start = 0.0 }}"
+            ),
+        );
+        let wide =
+            Model::parse("lag", &text.replace("+ y_0", "+ y_0 + y_1"), &Constants::default());
+        let all = segments(&model(), 1, 4, |_| [0.01; 2]);
+        estimate_segments(&wide.unwrap(), &all, &Settings::default()).unwrap()
+    };
+    assert!(!with("").verdict.combinations.is_empty());
+    let e = with(", held_in = \"f1\"");
+    assert_eq!(e.stop, Stop::Converged);
+    assert!(e.verdict.combinations.is_empty(), "{:?}", e.verdict);
+    within(find(&e, "y_1", ""), 0.1);
+    within(find(&e, "y_0", "f2"), -0.3);
+    let held = find(&e, "y_0", "f1");
+    assert_eq!((held.value, held.sd, held.at_bound), (0.0, None, false));
+}
+
 /// The same problem with every group parameter written as a separate campaign parameter would be
 /// two problems where flaps and flights do not mix: groups of segments that share nothing must not
 /// see each other.

@@ -29,9 +29,11 @@ pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Resu
         (additions.strings("candidate")?, additions.strings("parameter")?);
     let (units, fitted, sds) =
         (additions.strings("unit")?, additions.f64("value")?, additions.f64("sd")?);
+    let of = additions.opt_strings("of")?;
     let rows: Vec<usize> = (0..found.len()).filter(|&i| found[i] && !held[i]).collect();
     let pick = |&i: &usize| -> Result<Pick> {
-        let estimated = again.map(|table| estimated(table, parameters[i])).transpose()?.flatten();
+        let estimated =
+            again.map(|table| estimated(table, (parameters[i], of[i]))).transpose()?.flatten();
         let fit = match determined[i] {
             true => Pick { value: fitted[i], sd: sds[i], source: "fit to the training maneuvers" },
             false => Pick { value: fitted[i], sd: f64::NAN, source: "not determined" },
@@ -47,6 +49,7 @@ pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Resu
         .repeat("diagnosis", diagnosis)
         .strings("candidate", rows.iter().map(|&i| candidates[i]))
         .strings("parameter", rows.iter().map(|&i| parameters[i]))
+        .opt_strings("of", rows.iter().map(|&i| of[i].map(str::to_string)))
         .strings("unit", rows.iter().map(|&i| units[i]))
         .f64("value", picks.iter().map(|p| p.value).collect::<Vec<_>>())
         .f64("sd", picks.iter().map(|p| p.sd).collect::<Vec<_>>())
@@ -56,13 +59,14 @@ pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Resu
         .finish()
 }
 
-/// Value and sd of a parameter of which there is one converged estimate: with the sd of the constants that the
-/// model assumes, where it has any.
-fn estimated(table: &Table, parameter: &str) -> Result<Option<(f64, f64)>> {
+/// Value and sd of a parameter (of a flight, where it differs by flight) of which there is one converged
+/// estimate: with the sd of the constants that the model assumes, where it has any.
+fn estimated(table: &Table, parameter: (&str, Option<&str>)) -> Result<Option<(f64, f64)>> {
     let (names, stops) = (table.strings("parameter")?, table.strings("stop")?);
+    let of = table.opt_strings("of")?;
     let (values, sds) = (table.f64("value")?, table.f64("sd")?);
     let totals = table.f64("sd_total")?;
-    let mut mine = (0..names.len()).filter(|&i| names[i] == parameter);
+    let mut mine = (0..names.len()).filter(|&i| (names[i], of[i]) == parameter);
     let (Some(i), None) = (mine.next(), mine.next()) else { return Ok(None) };
     let is_known = stops[i] == "converged" && values[i].is_finite() && sds[i].is_finite();
     let sd = if totals[i].is_finite() { totals[i] } else { sds[i] };
@@ -81,6 +85,8 @@ mod tests {
             .repeat("candidate", "lag:eta")
             .repeat("standing", "chosen")
             .strings("parameter", ["size", "arm", "switch"])
+            .opt_strings("of", [None::<String>, None, None])
+            .opt_strings("held_in", [None::<String>, None, None])
             .strings("unit", ["-", "m", "-"])
             .f64("value", vec![0.3, 8.0, 1.0])
             .f64("sd", vec![0.01, 0.2, f64::NAN])

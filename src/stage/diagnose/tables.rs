@@ -267,6 +267,8 @@ fn additions(outcome: &Outcome) -> Result<Table> {
         .strings("candidate", rows.iter().map(|r| &r.1.name))
         .strings("standing", rows.iter().map(|r| r.1.standing.as_str()))
         .strings("parameter", rows.iter().map(|r| &r.2.name))
+        .opt_strings("of", rows.iter().map(|r| r.2.of.as_ref().map(|of| of.value.clone())))
+        .opt_strings("held_in", rows.iter().map(|r| r.2.from.clone()))
         .strings("unit", rows.iter().map(|r| &r.2.unit))
         .f64("value", rows.iter().map(|r| r.2.value).collect::<Vec<_>>())
         .f64("sd", rows.iter().map(|r| r.2.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())

@@ -15,7 +15,7 @@ pub fn trouble(trouble: &Trouble) -> &str {
     }
 }
 
-/// `C_m_eta_lag = 0.279 +- 0.002 1/rad`
+/// `C_m_eta_lag = 0.279 +- 0.002 1/rad`, `d_C_m in flight f3 (flight f1: 0) = 0.012 +- 0.001`
 pub fn value(v: &Value) -> String {
     let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
     if !v.is_determined {
@@ -27,7 +27,12 @@ pub fn value(v: &Value) -> String {
         .as_ref()
         .map(|(text, expected, _)| format!(" ({text} = {})", digits(*expected)))
         .unwrap_or_default();
-    format!("{} = {}{sd}{unit}{check}", v.name, digits(v.value))
+    let of = v.of.as_ref().map(|of| match &v.from {
+        Some(from) => format!(" in {of} ({} {from}: {})", of.column, digits(v.null.unwrap_or(0.0))),
+        None => format!(" in {of}"),
+    });
+    let of = of.unwrap_or_default();
+    format!("{}{of} = {}{sd}{unit}{check}", v.name, digits(v.value))
 }
 
 /// The estimated parameters of a candidate, with 95% intervals.

@@ -90,7 +90,7 @@ impl Search<'_> {
             if let Some((stand, _)) = self.chained(&others)? {
                 let made = self.with(&stand, base)?;
                 let found = made.as_deref().unwrap_or(base);
-                let (candidates, _) = (self.offer)(&stand.model)?;
+                let (candidates, _) = self.offered(&stand)?;
                 finding.stability =
                     stability((&stand, found), (round, finding.added), &candidates, self.subject)?;
             }
@@ -128,7 +128,7 @@ impl Search<'_> {
             this.name
         ));
         let Some((stand, _)) = self.chained(&others)? else { return Ok(None) };
-        let (mut candidates, _) = (self.offer)(&stand.model)?;
+        let (mut candidates, _) = self.offered(&stand)?;
         candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
         let made = self.with(&stand, base)?;
         if made.is_none() && !others.is_empty() {
