@@ -31,6 +31,9 @@ fn main() {
     if std::env::args().any(|a| a == "filter") {
         return one.install(filter);
     }
+    if std::env::args().any(|a| a == "six") {
+        return one.install(six_alone);
+    }
     one.install(|| {
         println!("{:46} {:>12} {:>10} {:>7} {:>7}   share of peak", "one thread", "", "ms", "must", "aim");
         if let Some(work) = hfb320(1) {
@@ -137,6 +140,17 @@ fn filter() {
         line("HFB-320, 4 states, 11 parameters", [&plain, &filtered], 5.0);
     }
     line("6-DoF, 12 states, 60 parameters", [&six_dof(1), &six_dof_filtered(1)], 10.0);
+}
+
+/// Nothing but iterations of six degrees of freedom by machine code, for a profiler.
+fn six_alone() {
+    let work = six_dof_briefly(10);
+    let runs = 100;
+    let seconds = least(runs, || work.estimate(5, Tier::Native));
+    println!(
+        "6-DoF, machine code: five iterations and a set-up {:.2} ms, {runs} times",
+        1e3 * seconds
+    );
 }
 
 /// Seconds of one pass through all segments at the model's starts, with derivatives.

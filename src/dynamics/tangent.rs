@@ -123,6 +123,12 @@ struct Work {
     kept: Aligned,
 }
 
+impl Drop for Work {
+    fn drop(&mut self) {
+        pool::give_aligned(std::mem::take(&mut self.kept));
+    }
+}
+
 /// What a step of a model with delays hands to its machine code, and gets back (see `Sweep`).
 #[derive(Default)]
 struct Late {
@@ -179,7 +185,7 @@ impl<'p> Tangent<'p> {
                 between: [zeros(both), zeros(both)],
                 k: zeros(nx),
                 sum: zeros(nx),
-                kept: Aligned::default(),
+                kept: pool::take_aligned(),
             },
             late: Late::default(),
             zeros: [0.0; 8],

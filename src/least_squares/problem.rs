@@ -174,7 +174,7 @@ pub fn pass<E: Evaluate>(
     gather(layout, evaluate, theta, &Wanted::PerOutput, |s, sums| {
         if let SegmentSums::PerOutput(sums) = sums {
             sums.iter().for_each(|sum| scatter.add_alone(sum.kind, sum.count, sum.square));
-            totals.add(&layout.parts[s], &sums);
+            totals.add(&layout.parts[s], sums);
         }
     })?;
     Some((vec![scatter], totals))
@@ -190,7 +190,7 @@ pub fn weighed<E: Evaluate>(
     let mut totals = Totals::new(layout.shared, 1);
     gather(layout, evaluate, theta, &Wanted::Weighed(r.into()), |s, sums| {
         if let SegmentSums::Weighed(sum) = sums {
-            totals.add(&layout.parts[s], &[sum]);
+            totals.add(&layout.parts[s], vec![sum]);
         }
     })?;
     Some(totals)

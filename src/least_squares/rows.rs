@@ -6,42 +6,26 @@
 //! sum adds its products in the order of the samples, fused, so that neither the width of the
 //! vectors nor the size of a tile changes a bit.
 
-use crate::math::pool;
 use crate::math::simd::{Eight, Width, by_width};
 
 /// Numbers of the samples that pass through one tile before the next tile has its turn: their rows
 /// stay in the nearest cache.
 const STRETCH: usize = 4096;
 
-/// Adds the sums over samples whose residual `e` is a number: `gram[nd][nd]` (lower triangle)
-/// `+= g g'`, `gradient[nd] += e g`. Rows of `g` have `nd` numbers. The number of such samples and
-/// the sum of their `e^2`.
-pub fn add(
-    e: &[f64],
-    g: &[f64],
-    nd: usize,
-    gram: &mut [f64],
-    gradient: &mut [f64],
-) -> (usize, f64) {
-    add_of(Width::detect(), e, g, nd, gram, gradient)
+/// Numbers that [`add`] wants room for.
+pub fn room(nd: usize) -> usize {
+    (nd + 1) * nd.next_multiple_of(8)
 }
 
-fn add_of(
-    width: Width,
-    e: &[f64],
-    g: &[f64],
-    nd: usize,
-    gram: &mut [f64],
-    gradient: &mut [f64],
-) -> (usize, f64) {
-    let stride = nd.next_multiple_of(8);
-    let mut sums = pool::take((nd + 1) * stride);
-    for (row, sums) in sums.chunks_exact_mut(stride.max(1)).enumerate().take(nd) {
-        sums[..=row].copy_from_slice(&gram[row * nd..][..=row]);
-        sums[row + 1..].fill(0.0);
-    }
-    sums[nd * stride..][..nd].copy_from_slice(gradient);
-    sums[nd * stride + nd..].fill(0.0);
+/// The sums over samples whose residual `e` is a number, in `sums[nd + 1][nd, padded to eight]`: `g g'`
+/// (of its rows what stands left of the diagonal, and the diagonal; the rest is anything), and `e g` as the
+/// last row. Rows of `g` have `nd` numbers. The number of such samples and the sum of their `e^2`.
+pub fn add(e: &[f64], g: &[f64], nd: usize, sums: &mut [f64]) -> (usize, f64) {
+    add_of(Width::detect(), e, g, nd, sums)
+}
+
+fn add_of(width: Width, e: &[f64], g: &[f64], nd: usize, sums: &mut [f64]) -> (usize, f64) {
+    let sums = &mut sums[..room(nd)];
     let (mut count, mut square) = (0, 0.0);
     let most = (STRETCH / nd.max(1)).clamp(16, 256);
     let mut from = 0;
@@ -51,18 +35,18 @@ fn add_of(
             .take(most)
             .position(|e| e.is_nan())
             .map_or(e.len().min(from + most), |n| from + n);
+        if count == 0 && to > from {
+            sums.fill(0.0);
+        }
         // SAFETY: the width is this machine's.
-        unsafe { stretch(width, &e[from..to], &g[from * nd..to * nd], nd, &mut sums, &mut square) };
+        unsafe { stretch(width, &e[from..to], &g[from * nd..to * nd], nd, sums, &mut square) };
         count += to - from;
         // past a masked sample, if that is what ended the stretch
         from = if e.get(to).is_some_and(|e| e.is_nan()) { to + 1 } else { to };
     }
-    for (row, sums) in sums.chunks_exact(stride.max(1)).enumerate().take(nd) {
-        // only the lower triangle is anybody's business
-        gram[row * nd..][..=row].copy_from_slice(&sums[..=row]);
+    if count == 0 {
+        sums.fill(0.0);
     }
-    gradient.copy_from_slice(&sums[nd * stride..][..nd]);
-    pool::give(sums);
     (count, square)
 }
 
@@ -210,31 +194,33 @@ mod tests {
                 let g: Vec<f64> = (0..n * nd).map(number).collect();
                 let mut e: Vec<f64> = (0..n).map(|k| number(k + 31)).collect();
                 (0..n).filter(|k| k % 97 == 3).for_each(|k| e[k] = f64::NAN);
-                let (mut gram, mut gradient) = (vec![0.0; nd * nd], vec![0.0; nd]);
-                let (count, square) = add(&e, &g, nd, &mut gram, &mut gradient);
+                let stride = nd.next_multiple_of(8);
+                let mut sums = vec![f64::NAN; room(nd)];
+                let (count, square) = add(&e, &g, nd, &mut sums);
                 let there: Vec<usize> = (0..n).filter(|&k| !e[k].is_nan()).collect();
                 assert_eq!(count, there.len());
                 assert_eq!(square, there.iter().fold(0.0, |s, &k| e[k].mul_add(e[k], s)));
                 for i in 0..nd {
                     assert_eq!(
-                        gradient[i],
+                        sums[nd * stride + i],
                         there.iter().fold(0.0, |s, &k| e[k].mul_add(g[k * nd + i], s)),
                         "{nd} {n} {i}"
                     );
                     for j in 0..=i {
                         let sum =
                             there.iter().fold(0.0, |s, &k| g[k * nd + i].mul_add(g[k * nd + j], s));
-                        assert_eq!(gram[i * nd + j], sum, "{nd} {n} {i} {j}");
+                        assert_eq!(sums[i * stride + j], sum, "{nd} {n} {i} {j}");
                     }
                 }
                 for &width in Width::available() {
-                    let (mut again, mut towards) = (vec![0.0; nd * nd], vec![0.0; nd]);
-                    assert_eq!(
-                        add_of(width, &e, &g, nd, &mut again, &mut towards),
-                        (count, square),
-                        "{width:?}"
-                    );
-                    assert_eq!((&again, &towards), (&gram, &gradient), "{width:?}");
+                    let mut again = vec![0.0; room(nd)];
+                    assert_eq!(add_of(width, &e, &g, nd, &mut again), (count, square), "{width:?}");
+                    let told = |sums: &[f64], row: usize| {
+                        sums[row * stride..][..(row + 1).min(nd)].to_vec()
+                    };
+                    for row in 0..=nd {
+                        assert_eq!(told(&again, row), told(&sums, row), "{width:?}");
+                    }
                 }
             }
         }

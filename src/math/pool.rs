@@ -1,6 +1,7 @@
 //! Buffers that a thread uses again and again: large ones would otherwise be returned to the system
 //! and faulted in anew, pass by pass.
 
+use super::simd::Aligned;
 use std::cell::RefCell;
 
 /// Buffers kept per thread.
@@ -8,6 +9,7 @@ const MOST: usize = 128;
 
 thread_local! {
     static FREE: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };
+    static ALIGNED: RefCell<Vec<Aligned>> = const { RefCell::new(Vec::new()) };
 }
 
 /// A buffer of `n` numbers, whatever they are: the smallest that is large enough.
@@ -35,6 +37,20 @@ pub fn give(buffer: Vec<f64>) {
             && least.capacity() < buffer.capacity()
         {
             *least = buffer;
+        }
+    });
+}
+
+/// An aligned buffer of no length, with the memory of the last one that was given back.
+pub fn take_aligned() -> Aligned {
+    ALIGNED.with_borrow_mut(Vec::pop).unwrap_or_default()
+}
+
+/// Keeps the memory of an aligned buffer.
+pub fn give_aligned(buffer: Aligned) {
+    ALIGNED.with_borrow_mut(|free| {
+        if free.len() < MOST {
+            free.push(buffer);
         }
     });
 }
