@@ -1,6 +1,7 @@
 //! Programs with their registers: points of a trajectory in; what a model says there, one by one or
 //! side by side, out.
 
+use super::lead::Lead;
 use super::propagator::Compiled;
 use super::propagator::Propagator;
 use super::rows::LANES;
@@ -15,8 +16,9 @@ pub(super) struct Single<'p> {
     native: Option<&'p Compiled>,
     tables: &'p Tables,
     file: Vec<[f64; 1]>,
-    /// Outputs of the machine code.
+    /// Outputs, of the machine code or gathered.
     out: Vec<f64>,
+    lead: Lead,
 }
 
 impl<'p> Single<'p> {
@@ -36,6 +38,7 @@ impl<'p> Single<'p> {
             tables: &propagator.tables,
             file,
             out: vec![0.0; program.outputs()],
+            lead: Lead::new(),
         }
     }
 
@@ -71,27 +74,31 @@ impl<'p> Single<'p> {
                 self.tables,
             );
         }
-        let nx = x.len();
         for step in rows.chunks_exact_mut(4 * width) {
             sum.fill(0.0);
-            for (stage, row) in step.chunks_exact_mut(width).enumerate() {
-                for i in 0..nx {
-                    // the rates of the stage before are still there
-                    row[i] =
-                        if stage == 0 { x[i] } else { x[i] + AHEAD[stage - 1] * h * self.get(i) };
-                }
+            step[..x.len()].copy_from_slice(x);
+            for stage in 0..4 {
+                let (row, next) = step[stage * width..].split_at_mut(width);
                 for (slot, value) in self.file.iter_mut().zip(row.iter()) {
                     slot[0] = *value;
                 }
                 self.program.run(&mut self.file, self.tables);
-                for (i, sum) in sum.iter_mut().enumerate() {
-                    *sum += WEIGHT[stage] * self.get(i);
-                }
+                // the last stage leads to the end of the step only
+                let next = &mut next[..if stage < 3 { x.len() } else { 0 }];
+                let lead = self.lead;
+                lead.stage(self.outputs(), [WEIGHT[stage], AHEAD[stage] * h], x, sum, next);
             }
-            for (x, sum) in x.iter_mut().zip(sum.iter()) {
-                *x += h / 6.0 * sum;
-            }
+            self.lead.end(sum, h, x);
         }
+    }
+
+    /// All outputs.
+    pub(super) fn outputs(&mut self) -> &[f64] {
+        if !matches!(self.native, Some(Compiled::Points(_))) {
+            let (program, file) = (self.program, &self.file);
+            self.out.iter_mut().enumerate().for_each(|(k, out)| *out = program.output(file, k)[0]);
+        }
+        &self.out
     }
 
     pub(super) fn get(&self, k: usize) -> f64 {

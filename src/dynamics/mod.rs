@@ -54,6 +54,7 @@ mod history;
 mod innovation_slopes;
 mod innovations;
 mod job;
+mod lead;
 mod left;
 mod modes;
 mod numbers;
@@ -87,6 +88,7 @@ pub use numbers::Numbers;
 pub use propagator::{Directions, Propagator, Tier};
 pub use scratch::Scratch;
 
+pub(crate) use lead::Lead;
 pub use record::{Channel, Interpolation, Record};
 pub use sigma_filter::{Smooth, smoothed};
 pub(crate) use tableau::{AHEAD, MOST_SUBSTEPS, WEIGHT};

@@ -52,14 +52,12 @@ impl Run<'_> {
                 self.passed[stage / 2].clone_from(&self.bounds);
             }
             programs.rates.at(point);
-            for i in 0..nx {
-                let f = programs.rates.get(i);
-                sum[i] += WEIGHT[stage] * f;
-                stage_x[i] = x[i] + AHEAD[stage] * h * f;
-                if stage == 0 && self.keeps_history() {
-                    let end = self.f_history.len();
-                    self.f_history[end - nx + i] = f;
-                }
+            let rates = programs.rates.outputs();
+            let weights = [WEIGHT[stage], AHEAD[stage] * h];
+            self.lead.stage(rates, weights, x, &mut sum, &mut stage_x);
+            if stage == 0 && self.keeps_history() {
+                let from = self.f_history.len() - nx;
+                self.f_history[from..].copy_from_slice(rates);
             }
             if stage == 0 {
                 self.rests(x, &programs.rates, chunk);
@@ -68,9 +66,7 @@ impl Run<'_> {
         let mut begin = std::mem::take(&mut self.begin);
         begin.clear();
         begin.extend_from_slice(x);
-        for i in 0..nx {
-            x[i] += h / 6.0 * sum[i];
-        }
+        self.lead.end(&sum, h, x);
         if self.propagator.limits_move {
             let at = chunk.ends.len();
             chunk.ends.resize(at + width, 0.0);

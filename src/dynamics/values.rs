@@ -4,6 +4,7 @@
 use super::between::Between;
 use super::evaluate::{Programs, Single};
 use super::history::{self, Past};
+use super::lead::Lead;
 use super::modes::{Jump, Lost, Mode, Span};
 use super::propagator::Propagator;
 use super::sigma_filter::{Smooth, smoothed};
@@ -30,6 +31,7 @@ pub(super) struct Run<'p> {
     pub(super) times: Vec<f64>,
     pub(super) x_history: Vec<f64>,
     pub(super) f_history: Vec<f64>,
+    pub(super) lead: Lead,
     /// Scratch of a step, and of a point.
     pub(super) stage: Vec<f64>,
     pub(super) sum: Vec<f64>,
@@ -74,6 +76,7 @@ impl<'p> Run<'p> {
             times,
             x_history,
             f_history,
+            lead: Lead::new(),
             stage,
             sum,
             begin,

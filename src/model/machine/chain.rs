@@ -2,7 +2,7 @@
 //! with the interpreter's bits (`dynamics::propagate` says which), out.
 
 use super::builder::Builder;
-use super::encode::{ADD, Assembler, Base, MUL};
+use super::encode::{Assembler, Base};
 use super::list::{List, Step, Value};
 use super::memory::Code;
 use super::points::number;
@@ -73,7 +73,6 @@ fn step(program: &Program, width: usize) -> Option<List> {
     let mut list = List::default();
     let n = program.outputs();
     let leaf = |list: &mut List, base, at| list.push(Step::Vector(number(base, at)));
-    let two = |list: &mut List, form, a, b| list.push(Step::Two(form, a, b));
     let start: Vec<Value> = (0..n).map(|k| leaf(&mut list, Base::Rcx, k)).collect();
     let zero = list.push(Step::Zero);
     let (mut at, mut sums) = (start.clone(), vec![zero; n]);
@@ -94,17 +93,14 @@ fn step(program: &Program, width: usize) -> Option<List> {
         let [weight, ahead] = [0, 1].map(|k| leaf(&mut list, Base::R9, 2 * stage + k));
         for (k, rate) in rates.into_iter().enumerate() {
             if stage < 3 {
-                let led = two(&mut list, MUL, ahead, rate);
-                at[k] = two(&mut list, ADD, start[k], led);
+                at[k] = list.fused(ahead, rate, start[k]);
             }
-            let weighed = two(&mut list, MUL, weight, rate);
-            sums[k] = two(&mut list, ADD, sums[k], weighed);
+            sums[k] = list.fused(weight, rate, sums[k]);
         }
     }
     let h6 = leaf(&mut list, Base::R9, 8);
     for k in 0..n {
-        let change = two(&mut list, MUL, h6, sums[k]);
-        let x = two(&mut list, ADD, start[k], change);
+        let x = list.fused(h6, sums[k], start[k]);
         list.push(Step::Store(x, number(Base::Rcx, k)));
     }
     Some(list)

@@ -1,7 +1,7 @@
 //! A compiled model in; the programs a smoother runs (rates, chosen outputs, their exact
 //! derivatives) with their register files out.
 
-use crate::dynamics::{AHEAD, WEIGHT};
+use crate::dynamics::{AHEAD, Lead, WEIGHT};
 use crate::error::{Error, Result};
 use crate::math::simd::Width;
 use crate::model::graph::{Leaf, Node};
@@ -55,6 +55,8 @@ pub struct Evaluator<'m, const W: usize> {
     file: Vec<[f64; W]>,
     /// A parameter or a start value has changed since the prologue was run.
     stale: bool,
+    /// Rates of a stage.
+    rates: Vec<f64>,
 }
 
 impl<'m, const W: usize> Evaluator<'m, W> {
@@ -64,7 +66,7 @@ impl<'m, const W: usize> Evaluator<'m, W> {
         for (i, p) in model.parameters.iter().enumerate() {
             file[model.layout.parameter() + i] = [p.start; W];
         }
-        Evaluator { model, program, file, stale: true }
+        Evaluator { model, program, file, stale: true, rates: Vec::new() }
     }
 
     /// States, inputs and their time derivatives of one lane.
@@ -176,19 +178,20 @@ impl Evaluator<'_, 1> {
             return code.march(&self.file, points, x, &weights, &self.model.tables);
         }
         sum.fill(0.0);
-        for (stage, row) in points.chunks_exact_mut(points.len() / 4).enumerate() {
-            for i in 0..x.len() {
-                // the rates of the stage before are still there
-                row[i] =
-                    if stage == 0 { x[i] } else { x[i] + AHEAD[stage - 1] * h * self.get(i, 0) };
-            }
+        let (lead, width) = (Lead::new(), points.len() / 4);
+        points[..x.len()].copy_from_slice(x);
+        for stage in 0..4 {
+            let (row, next) = points[stage * width..].split_at_mut(width);
             self.registers(0, row);
             self.run();
-            for (i, sum) in sum.iter_mut().enumerate() {
-                *sum += WEIGHT[stage] * self.get(i, 0);
-            }
+            let rates = (0..x.len()).map(|i| self.program.output(&self.file, i)[0]);
+            self.rates.clear();
+            self.rates.extend(rates);
+            // the last stage leads to the end of the step only
+            let next = &mut next[..if stage < 3 { x.len() } else { 0 }];
+            lead.stage(&self.rates, [WEIGHT[stage], AHEAD[stage] * h], x, sum, next);
         }
-        x.iter_mut().zip(sum).for_each(|(x, sum)| *x += h / 6.0 * *sum);
+        lead.end(sum, h, x);
     }
 }
 
