@@ -64,7 +64,7 @@ fn print(study: &Study, results: &Results) {
         order.sort_by_key(|j| j.rank.unwrap_or(usize::MAX));
         let name = order.first().map_or("", |j| j.estimate.as_str());
         tell(&format!(
-            "\n{name}: {}, {} each; ranked by the trace of the Cramer-Rao bound",
+            "\n{name}: {}, {} each; ranked by the trace of the Cramer-Rao bound, or by the squared error where that is beyond it",
             count(judged.len(), "design"),
             count(study.settings.seeds as usize, "recording"),
         ));
@@ -111,6 +111,7 @@ fn line(judged: &Judged, largest: f64) -> String {
         shown(x[5], 2)
     );
     let bar = match judged.outcome {
+        Outcome::Determined if !judged.why.is_empty() => judged.why.clone(),
         Outcome::Determined => {
             "#".repeat((WIDTH * judged.trace / largest).round().max(1.0) as usize)
         }

@@ -7,6 +7,7 @@ mod design;
 mod diagnose;
 mod diff;
 mod flights;
+mod lacking;
 mod lineage;
 mod machines;
 mod progress;

@@ -41,7 +41,8 @@ pub fn check(pipeline: &Path, jobs: Option<usize>, form: Form) -> Result<End, Er
     for source in &plan.sources {
         source.lacking.0.iter().for_each(|e| note(&format!("{}; a run makes it first", e.what)));
     }
-    let mut errors = seen.mistakes.clone();
+    let mut errors = plan.missing();
+    errors.0.extend(seen.mistakes.0.iter().cloned());
     errors.0.extend(seen.unreadable.0.iter().cloned());
     errors.or(())?;
     let checked = checked(&plan, seen);

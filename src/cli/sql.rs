@@ -3,8 +3,9 @@
 
 use super::args::Form;
 use super::diff::folder;
-use super::words::{End, document, say};
+use super::words::{End, document, say, warn};
 use crate::error::{Error, Errors, Result};
+use crate::pipeline::{Recorded, Store, named};
 use crate::table::query::{self, Answer, Cell};
 use serde_json::{Map, Number, Value};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -34,7 +35,18 @@ impl Rows {
 
 /// `koehler sql`
 pub fn sql(run: &Path, sql: &str, form: Rows) -> std::result::Result<End, Errors> {
-    let answer = guarded(&folder(run)?, sql)?;
+    let folder = folder(run)?;
+    let recorded = Recorded::of(&Store::look(&folder)?);
+    let mut left_out = Vec::new();
+    let answer =
+        guarded(|| query::query_of(&folder, sql, &|path| recorded.has(path), &mut left_out));
+    if !left_out.is_empty() {
+        let files = named(&left_out);
+        warn(&format!(
+            "left out, because no record of a run names it: {files} (a run removes such files)"
+        ));
+    }
+    let answer = answer?;
     match form {
         Rows::Table => say(&table(&answer)),
         Rows::Csv => say(csv(&answer)?.trim_end_matches('\n')),
@@ -44,10 +56,12 @@ pub fn sql(run: &Path, sql: &str, form: Rows) -> std::result::Result<End, Errors
 }
 
 /// A query is a user's text: where the library that answers it gives up, that is an error as well.
-fn guarded(folder: &Path, sql: &str) -> std::result::Result<Answer, Errors> {
+fn guarded(
+    ask: impl FnOnce() -> std::result::Result<Answer, Errors>,
+) -> std::result::Result<Answer, Errors> {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
-    let answer = catch_unwind(AssertUnwindSafe(|| query::query(folder, sql)));
+    let answer = catch_unwind(AssertUnwindSafe(ask));
     std::panic::set_hook(hook);
     answer.unwrap_or_else(|_| {
         let what = "the query is more than the library that answers it can do";

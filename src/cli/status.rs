@@ -14,6 +14,8 @@ use serde::Serialize;
 struct Answer {
     /// How many units of work it would do.
     to_run: usize,
+    /// How many more at most: those that read what it would make, where that comes out as another.
+    may_run: usize,
     /// Flights whose logs would be simulated.
     to_simulate: Vec<String>,
     /// The pipelines whose results are taken.
@@ -30,7 +32,7 @@ struct Taken {
     pipeline: String,
     /// Values that it does not have.
     lacking: Vec<String>,
-    /// How many units of it would be run first.
+    /// How many units of it would be run first, at most.
     to_run: usize,
 }
 
@@ -71,9 +73,11 @@ fn answer(plan: &Plan, store: &Store, limits: &Limits) -> Result<Answer, Errors>
     let taken: Vec<Taken> = plan.sources.iter().map(taken).collect::<Result<_, Errors>>()?;
     let states = pipeline::status_within(plan, store, limits)?;
     let gone = pipeline::gone(plan, store).into_iter();
+    let of_all =
+        |count: fn(&[Assessment]) -> usize| states.iter().map(|(_, all)| count(all)).sum::<usize>();
     Ok(Answer {
-        to_run: taken.iter().filter(|taken| taken.to_run > 0).count()
-            + states.iter().map(|(_, all)| to_run(all)).sum::<usize>(),
+        to_run: taken.iter().filter(|taken| taken.to_run > 0).count() + of_all(to_run),
+        may_run: of_all(may_run),
         to_simulate: missing.into_iter().filter(|flight| limits.has(flight)).collect(),
         taken,
         units: states
@@ -95,12 +99,19 @@ fn taken(source: &Source) -> Result<Taken, Errors> {
     Ok(Taken {
         pipeline: source.pipeline.display().to_string(),
         lacking: source.lacking.0.iter().map(|e| e.what.clone()).collect(),
-        to_run: states.iter().map(|(_, all)| to_run(all)).sum(),
+        to_run: states.iter().map(|(_, all)| to_run(all) + may_run(all)).sum(),
     })
 }
 
 fn to_run(all: &[Assessment]) -> usize {
-    all.iter().filter(|a| !matches!(a.state, State::Fresh | State::Blocked(_))).count()
+    let is_run =
+        |a: &&Assessment| matches!(a.state, State::New | State::Stale(_) | State::Failed(_));
+    all.iter().filter(is_run).count()
+}
+
+/// How many are run if what they read comes out as another.
+fn may_run(all: &[Assessment]) -> usize {
+    all.iter().filter(|a| matches!(a.state, State::Waits(_))).count()
 }
 
 fn state(stage: &'static str, a: &Assessment) -> UnitState {
@@ -109,6 +120,7 @@ fn state(stage: &'static str, a: &Assessment) -> UnitState {
         State::New => ("missing", vec!["never run".to_string()]),
         State::Stale(reasons) => ("stale", reasons.iter().map(ToString::to_string).collect()),
         State::Waits(reasons) => ("stale", reasons.clone()),
+        State::Failed(why) => ("stale", vec![why.clone()]),
         State::Blocked(what) => ("blocked", vec![what.clone()]),
     };
     UnitState { stage, unit: a.unit.name.clone(), state, reasons }
@@ -133,12 +145,18 @@ fn lines(answer: &Answer) {
         ));
     }
     answer.left_out.iter().for_each(|words| say(words));
-    say(&match (answer.to_run, answer.gone.len()) {
-        (0, 0) if answer.left_out.is_empty() => {
-            "everything is fresh: a run would do nothing".to_string()
-        }
-        (n, _) => format!("a run would do {} of work", count(n, "unit")),
+    let is_fresh = answer.gone.is_empty() && answer.left_out.is_empty();
+    say(&match (answer.to_run, answer.may_run) {
+        (0, 0) if is_fresh => "everything is fresh: a run would do nothing".to_string(),
+        (n, more) => format!("a run would do {} of work{}", count(n, "unit"), at_most(more)),
     });
+}
+
+fn at_most(more: usize) -> String {
+    match more {
+        0 => String::new(),
+        n => format!(", and up to {n} more where what they read comes out as another"),
+    }
 }
 
 fn taken_lines(taken: &Taken) {

@@ -2,6 +2,7 @@
 //! out.
 
 use super::flights::{self, read, tally};
+use super::lacking;
 use super::ran::Ran;
 use super::verdict;
 use super::words::say;
@@ -33,6 +34,9 @@ pub fn print(plan: &Plan, store: &Store, out: &Path, ran: &Ran) -> Result<()> {
         estimates(plan, store)?;
         lines(plan, store)?;
     }
+    if ran.left_out.is_empty() {
+        lacking(plan, store)?;
+    }
     notes(&result.notes);
     let diagnoses = crate::stage::diagnose::all(&plan.campaign).len();
     for i in (0..diagnoses).filter(|_| ran.left_out.is_empty()) {
@@ -42,6 +46,15 @@ pub fn print(plan: &Plan, store: &Store, out: &Path, ran: &Ran) -> Result<()> {
         say(&format!("\nreport: {report}"));
     }
     say(&format!("tables: {}", out.display()));
+    Ok(())
+}
+
+fn lacking(plan: &Plan, store: &Store) -> Result<()> {
+    let lines = lacking::lines(plan, store)?;
+    if !lines.is_empty() {
+        say("\noptional signals that logs lack, where stages miss something:");
+    }
+    lines.iter().for_each(|line| say(&format!("  {line}")));
     Ok(())
 }
 

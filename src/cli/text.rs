@@ -81,7 +81,9 @@ Exit codes: 0 nothing is missing, or nothing but turbulence or noise of records;
 
 pub const STATUS: &str = "\
 For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file). `koehler explain` says more of one.
---json has the same as `units`, each with `stage`, `unit`, `state` and `reasons`; `to_run` is how many a run would take.
+--json has the same as `units`, each with `stage`, `unit`, `state` and `reasons`; `to_run` is how many a run would take, `may_run` how many more at
+most: those that are run where what they read comes out as another. A unit that failed is tried again by every run; that it fails again is
+expected, and what goes on without it is told as that.
 
 Examples:
   koehler status pipelines/citation/pipeline.toml
@@ -195,7 +197,8 @@ Example:
 pub const DESIGN: &str = "\
 A study file names a simulated campaign (its truth model flies, its sensors record), the models that are estimated, and designs: kind, unit
 times, amplitudes, polarities, repeats; a list stands for one design each. Every design is flown once and recorded `seeds` times, each time
-with new noise, and every recording is estimated. The designs are ranked by the trace of the Cramer-Rao bound, smallest first; one that
+with new noise, and every recording is estimated. The designs are ranked by the trace of the Cramer-Rao bound, smallest first, or
+by the squared error where that is beyond what the trace promises; one that
 leaves a parameter undetermined comes last. OUT/designs/ has, per estimate and design: estimates, errors, scatter between recordings,
 standard deviations, trace, determinant, and how far airspeed, attitude, load factor, angle of attack and servo current went.
 

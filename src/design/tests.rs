@@ -1,11 +1,14 @@
 //! A made-up aircraft of one state: designs that determine everything, that leave a parameter
 //! without effect, and that make it diverge.
 
-use super::judged::Outcome;
+use super::estimated::{Parameter, Run};
+use super::flown::{Excursions, Facts};
+use super::judged::{Judged, Outcome, judge, rank};
 use super::rows::expand;
 use super::settings::Settings;
 use super::{Results, Study, designs, run};
 use crate::error::Errors;
+use crate::estimate::Stop;
 use std::path::Path;
 
 const TRUTH: &str = r#"
@@ -189,6 +192,50 @@ fn recovery_an_undetermined_design_is_last_and_a_diverging_one_leaves_the_others
     assert_eq!(table.rows(), 4);
     assert_eq!(table.opt_i64("rank").unwrap()[2], None);
     assert!(table.f64("c_sd").unwrap()[0] > 0.0 && table.f64("trace").unwrap()[1].is_nan());
+}
+
+/// Recordings of a design that give these values of a parameter whose true value is 1, with one bound.
+fn judged_of(name: &str, values: [f64; 3], crlb: f64, truth: Option<f64>) -> Judged {
+    let (settings, _) = crate::config::parse::<Settings>("design.toml", STUDY).unwrap();
+    let mut design = expand(&settings.row, "u").remove(0);
+    design.name = name.to_string();
+    let run = |value: f64| Run {
+        stop: Stop::Converged,
+        parameters: vec![Parameter {
+            name: "b".into(),
+            unit: "1/s".into(),
+            value,
+            sd: Some(crlb),
+            crlb: Some(crlb),
+        }],
+        trace: Some(crlb * crlb),
+        determinant: Some(crlb * crlb),
+        why: String::new(),
+    };
+    let values_of = truth.map(|truth| ("b".to_string(), truth)).into_iter().collect();
+    let facts = Facts { duration: 1.0, excursions: Excursions([0.0; 6]), values: values_of };
+    let runs = values.map(run);
+    judge("plain", &design, Ok((&facts, &runs[..])))
+}
+
+#[test]
+fn a_bound_that_is_no_promise_is_not_what_a_design_is_ranked_by() {
+    let ranks = |truth: Option<f64>| {
+        let biased = judged_of("biased", [1.09, 1.1, 1.11], 0.01, truth);
+        let mut all = [biased, judged_of("sound", [0.96, 1.0, 1.05], 0.05, truth)];
+        rank(&mut all);
+        all
+    };
+    let [biased, sound] = ranks(Some(1.0));
+    assert!(biased.trace < sound.trace && sound.squared_error < sound.trace);
+    assert_eq!((sound.rank, biased.rank), (Some(1), Some(2)));
+    assert!((biased.expected / biased.squared_error - 1.0).abs() < 1e-9);
+    assert!(biased.why.contains("is 101 times what the bound promises"), "{}", biased.why);
+    assert_eq!((sound.expected, sound.why.as_str()), (sound.trace, ""));
+    // Where the truth is not told, the bound is all that there is.
+    let [biased, sound] = ranks(None);
+    assert_eq!((biased.rank, sound.rank), (Some(1), Some(2)));
+    assert_eq!(biased.why, "");
 }
 
 #[test]

@@ -14,9 +14,9 @@ pub const HELP: &str = "make a log of each part, or take times of another clock:
 /// What is further from all else than this, ns, and than so many usual steps, adjoins nothing.
 const APART: i64 = 1_000_000_000;
 const STEPS: i64 = 10;
-/// Messages of the clock that gave fewer can be left out up to this share; of more nobody can say which of
-/// both was right.
-const SHARE: f64 = 0.1;
+/// Messages of the clock that gave fewer can be left out up to this share of their topic's; of more nobody can
+/// say which of both was right. What lies in a time that came twice (`turned`) is no part of them.
+pub const SHARE: f64 = 0.1;
 
 /// A place where a clock was set back, and what it gave before and behind.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::Note;
 use super::channel_map::{SignalMap, Trend};
-use super::clocks::Two;
+use super::clocks::{SHARE, Two};
 use super::left_out::{Fate, Seen};
 use super::series::{Account, Series, seconds};
 use super::turned::Back;
@@ -44,24 +44,37 @@ pub(super) fn another_clock(name: &str, a: &Account, clocks: &[Two]) -> Option<N
         n => format!(" (and so at {} places more)", n - 1),
     };
     let text = format!(
-        "{} {}: {first}{again}: {} of {} messages, of the one that gave fewer, dropped",
-        a.topic, a.field, a.dropped_clock, a.messages
+        "{} {}: {first}{again}: {} of {} messages, of the one that gave fewer, dropped ({:.0} %; up to {:.0} % are)",
+        a.topic,
+        a.field,
+        a.dropped_clock,
+        a.messages,
+        share(a.dropped_clock, a),
+        100.0 * SHARE
     );
     Some(Note::warning(name, a.dropped_clock, text))
 }
 
-/// What is said of a time that came twice.
+/// Messages in percent of all that the topic has.
+fn share(dropped: u64, a: &Account) -> f64 {
+    100.0 * dropped as f64 / a.messages.max(1) as f64
+}
+
+/// What is said of a time that came twice. Both clocks are right in it, so that the share of the rarer one
+/// is nothing to go by.
 pub(super) fn set_back(name: &str, a: &Account, twice: &[Back]) -> Option<Note> {
     let largest = twice.iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))?;
     let [from, to] = [largest.from, largest.to].map(seconds);
     let text = format!(
-        "{} {}: the clock was set back at {} places (by {:.3} s, so that {from:.3} to {to:.3} s came twice): {} of {} messages of a time that came twice, dropped",
+        "{} {}: the clock was set back at {} place{} (by {:.3} s, so that {from:.3} to {to:.3} s came twice): {} of {} messages ({:.0} %) are of a time that came twice, in which nobody can say which was when: all of them are dropped, however many they are",
         a.topic,
         a.field,
         twice.len(),
+        if twice.len() == 1 { "" } else { "s" },
         largest.seconds(),
         a.dropped_twice,
-        a.messages
+        a.messages,
+        share(a.dropped_twice, a)
     );
     Some(Note::warning(name, a.dropped_twice, text))
 }

@@ -19,6 +19,9 @@ pub enum State {
     New,
     /// It would be run again: the reasons.
     Stale(Vec<Reason>),
+    /// It failed, and what it is made from is as it was: it is tried again, and nothing is counted on
+    /// that comes of it. The reason.
+    Failed(String),
     /// What it reads is being made anew; whether it is run again depends on what comes out. The
     /// reasons.
     Waits(Vec<String>),
@@ -103,7 +106,7 @@ fn assess_unit(
         (None, Some(record)) => compare(store, stage, &unit, &ingredients, record, waits)?,
     };
     let state = match (state, (stage.idle)(campaign, &unit)) {
-        (State::New | State::Stale(_), Some(why)) => State::Blocked(why.into()),
+        (State::New | State::Stale(_) | State::Failed(_), Some(why)) => State::Blocked(why.into()),
         (state, _) => state,
     };
     Ok(Assessment { unit, state, ingredients, record })
@@ -118,9 +121,8 @@ fn compare(
     waits: Vec<String>,
 ) -> Result<State> {
     let mut why = Vec::new();
-    if let Some(error) = &record.error {
-        why.push(Reason::Failed(error.lines().next().unwrap_or_default().to_string()));
-    }
+    let error = record.error.as_ref().map(|error| error.lines().next().unwrap_or_default());
+    why.extend(error.map(|error| Reason::Failed(error.to_string())));
     // What is being made anew is no difference yet.
     why.extend(
         now.differences(&record.ingredients)
@@ -135,6 +137,9 @@ fn compare(
         }
     }
     Ok(match (why.is_empty(), waits.is_empty()) {
+        (false, true) if why.iter().all(|why| matches!(why, Reason::Failed(_))) => {
+            State::Failed(format!("it failed, and is tried again: {}", error.unwrap_or_default()))
+        }
         (false, _) => State::Stale(why),
         (true, false) => State::Waits(waits),
         (true, true) if now.key(stage.name, &unit.name) != record.key => {
@@ -144,11 +149,26 @@ fn compare(
     })
 }
 
+/// The units of which nothing will come, because of the flight's log: each has the reason added.
+pub fn lost(plan: &Plan, store: &Store, all: &mut [Assessment]) -> BTreeSet<String> {
+    let look = |a: &mut Assessment| {
+        let why = match a.state {
+            State::New | State::Stale(_) => plan.lost(store, a.unit.flight())?,
+            _ => return None,
+        };
+        if let State::Stale(reasons) = &mut a.state {
+            reasons.push(Reason::Fails(why));
+        }
+        Some(a.unit.name.clone())
+    };
+    all.par_iter_mut().filter_map(look).collect()
+}
+
 /// Adds what a unit's outputs are after this assessment: known where it is fresh, changing where it
-/// would run.
+/// would run, and not there where it would fail once more.
 pub fn contents_after(stage: &Stage, assessment: &Assessment, contents: &mut Contents) {
     match (&assessment.state, &assessment.record) {
-        (State::Blocked(_), _) => {}
+        (State::Blocked(_) | State::Failed(_), _) => {}
         (State::Fresh, Some(record)) => {
             contents.extend(
                 record

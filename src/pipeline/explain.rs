@@ -124,6 +124,7 @@ fn one(stage: &Stage, a: &Assessment) -> Explained {
             ("stale", reasons.iter().flat_map(words).collect())
         }
         (State::Waits(reasons), _) => ("stale", reasons.clone()),
+        (State::Failed(why), _) => ("stale", vec![why.clone()]),
         (State::Blocked(what), _) => ("blocked", vec![what.clone()]),
     };
     Explained {

@@ -2,6 +2,7 @@
 //! them at once, goes out.
 
 mod aircraft;
+mod flights;
 mod logs;
 mod loose;
 mod once;
@@ -11,9 +12,8 @@ mod twins;
 use super::provenance::hash_bytes;
 use super::settings::Settings;
 use super::simulate::Simulation;
-use super::store::Store;
 use crate::config::{self, Doc};
-use crate::error::{Error, Errors, Result};
+use crate::error::Errors;
 use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::stage::check::{Columns, Given};
@@ -101,26 +101,6 @@ impl Plan {
     /// What its logs say at their ends against its channel map.
     pub fn summaries(&self) -> Summaries {
         summaries::summaries(&self.campaign.channels, &self.logs)
-    }
-
-    /// The log of a flight.
-    pub fn log(&self, flight: &str) -> Result<&FlightLog> {
-        self.logs
-            .iter()
-            .find(|l| l.flight == flight)
-            .ok_or_else(|| Error::new(format!("flight {flight} has no log")))
-    }
-
-    /// Hash of a flight's log; none where the log is not there, and in its place why where it cannot
-    /// be read: the stage that reads it then fails for this flight alone.
-    pub fn log_hash(&self, store: &Store, flight: &str) -> Result<Option<String>> {
-        let hash = store.memo.hash(&self.log(flight)?.path);
-        Ok(hash.unwrap_or_else(|e| Some(format!("unreadable: {}", e.what))))
-    }
-
-    /// The flight whose log that of another one is, byte for byte.
-    pub fn twin(&self, store: &Store, flight: &str) -> Option<&String> {
-        self.twins.get_or_init(|| twins::twins(&self.logs, &store.memo)).get(flight)
     }
 }
 
@@ -213,6 +193,7 @@ impl Reader {
                 // What no log agrees with is a mistake of the channel map as well.
                 let seen = channels.map(|channels| summaries::summaries(&channels, &logs));
                 let hopeless = seen.filter(Summaries::hopeless);
+                self.given.errors.0.extend(logs::missing(&logs).0);
                 self.given.errors.0.extend(hopeless.into_iter().flat_map(|seen| seen.mistakes.0));
                 Err(self.given.errors)
             }

@@ -20,7 +20,8 @@ pub struct Provenance {
     pub ingredients: BTreeMap<String, String>,
     /// Files made, relative to the output folder, each with the hash of its bytes.
     pub outputs: BTreeMap<String, String>,
-    /// What was lost or is worth knowing, in the order in which it was met.
+    /// What was lost or is worth knowing, in the order in which it was met; where the stage failed, what is
+    /// said of that: nothing, where an earlier program recorded it.
     pub notes: Vec<Note>,
     /// Why there are no outputs, where the stage failed.
     pub error: Option<String>,
@@ -69,6 +70,8 @@ pub enum Reason {
     Key,
     /// The command wants it run.
     Asked,
+    /// It will fail, by what is known of its log before it is read; why.
+    Fails(String),
 }
 
 impl fmt::Display for Reason {
@@ -81,6 +84,7 @@ impl fmt::Display for Reason {
             Reason::Touched(path) => write!(f, "{path} was changed by something else"),
             Reason::Key => f.write_str("its record does not match its key"),
             Reason::Asked => f.write_str("it is asked for"),
+            Reason::Fails(why) => write!(f, "it will fail: {why}"),
         }
     }
 }

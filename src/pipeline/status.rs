@@ -1,6 +1,6 @@
 //! What a run would do: the state of every unit, and what is no longer part of the campaign.
 
-use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
+use super::assess::{Assessment, Content, Contents, State, assess, contents_after, lost};
 use super::limits::Limits;
 use super::origin::Origin;
 use super::own::{own_parts, own_tables};
@@ -70,12 +70,19 @@ pub fn status_within(
         units.retain(|unit| limits.has(unit.flight()) || unit.flight().is_empty());
         let mut of_stage = assess(plan, store, &contents, stage, units)?;
         limits.anew(plan, stage, &mut of_stage);
+        let lost = if stage.reads_log { lost(plan, store, &mut of_stage) } else { BTreeSet::new() };
         for a in &of_stage {
-            contents_after(stage, a, &mut contents);
+            // What others go on without is not there for them.
+            if !lost.contains(&a.unit.name) {
+                contents_after(stage, a, &mut contents);
+            }
             match (&mut fresh, &a.state, &a.record) {
                 (Some((notes, records)), State::Fresh, Some(record)) => {
                     notes.extend(record.notes.iter().cloned());
                     records.push(record.clone());
+                }
+                (Some((notes, _)), State::Failed(_), Some(record)) if !record.notes.is_empty() => {
+                    notes.extend(record.notes.iter().cloned());
                 }
                 (_, State::Blocked(_), _) => {}
                 _ => fresh = None,

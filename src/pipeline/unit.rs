@@ -28,7 +28,11 @@ pub struct Work<'a> {
 impl<'a> Work<'a> {
     /// The log of a flight; elsewhere it has to be the same one.
     fn log(&self, flight: &str, key: &str) -> Result<&'a Path> {
-        let path = &self.plan.log(flight)?.path;
+        let log = self.plan.log(flight)?;
+        if let Some(missing) = &log.missing {
+            return Err(missing.clone());
+        }
+        let path = &log.path;
         if self.elsewhere && super::hashed::hash(path)? != key {
             return Err(Error::new(format!("{} is another log here", path.display())));
         }

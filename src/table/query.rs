@@ -53,18 +53,41 @@ pub struct Answer {
     pub rows: Vec<Vec<Cell>>,
 }
 
+/// Which files are parts of the tables, by their paths below the folder.
+pub type Counts<'a> = &'a dyn Fn(&str) -> bool;
+
+/// A table that there is, with its files that count and the paths of the others.
+struct There {
+    table: &'static str,
+    parts: Vec<PartFile>,
+    left_out: Vec<String>,
+}
+
+/// What there is of every table, in alphabetical order.
+fn there(dir: &Path, counts: Counts) -> Result<Vec<There>> {
+    let mut found = Vec::new();
+    for schema in schemas() {
+        let table = schema.name.as_str();
+        let mut there = There { table, parts: Vec::new(), left_out: Vec::new() };
+        for part in parts(dir, table)? {
+            let path = part.path(table)?;
+            if counts(&path) { there.parts.push(part) } else { there.left_out.push(path) }
+        }
+        found.push(there);
+    }
+    Ok(found)
+}
+
 /// The tables that there are below the folder `dir`, in alphabetical order.
 ///
 /// # Errors
 /// A folder cannot be read.
 pub fn tables(dir: &Path) -> Result<Vec<&'static str>> {
-    let mut found = Vec::new();
-    for schema in schemas() {
-        if !parts(dir, &schema.name)?.is_empty() {
-            found.push(schema.name.as_str());
-        }
-    }
-    Ok(found)
+    Ok(names(&there(dir, &|_| true)?))
+}
+
+fn names(found: &[There]) -> Vec<&'static str> {
+    found.iter().filter(|there| !there.parts.is_empty()).map(|there| there.table).collect()
 }
 
 /// What the query `sql` asks of the tables below the folder `dir`: all parts of a table are one, with
@@ -73,19 +96,36 @@ pub fn tables(dir: &Path) -> Result<Vec<&'static str>> {
 /// # Errors
 /// It is no query, or names a table or a column that is not there; a file cannot be read.
 pub fn query(dir: &Path, sql: &str) -> std::result::Result<Answer, Errors> {
+    query_of(dir, sql, &|_| true, &mut Vec::new())
+}
+
+/// The same of the files that count alone; those of the named tables that do not are added to `left_out`,
+/// whatever becomes of the query.
+///
+/// # Errors
+/// As `query`.
+pub fn query_of(
+    dir: &Path,
+    sql: &str,
+    counts: Counts,
+    left_out: &mut Vec<String>,
+) -> std::result::Result<Answer, Errors> {
     only_asks(sql)?;
-    let there = tables(dir)?;
+    let found = there(dir, counts)?;
+    let there = names(&found);
     let named =
         extract_table_identifiers(sql, false, true).map_err(|e| refused(&e, &there, &[]))?;
-    let is_named = |table: &&&str| named.is_empty() || named.iter().any(|name| name == **table);
+    let is_named = |there: &&There| named.is_empty() || named.iter().any(|n| *n == there.table);
+    let named_of = || found.iter().filter(is_named);
+    left_out.extend(named_of().flat_map(|there| there.left_out.iter().cloned()));
     let failed = Arc::new(Mutex::new(Errors::default()));
     let (mut context, mut columns) = (SQLContext::new(), Vec::new());
-    for table in there.iter().filter(is_named) {
-        let scan = Scan::of(dir, table, &failed)?;
+    for of in named_of().filter(|of| !of.parts.is_empty()) {
+        let scan = Scan::of(dir, of, &failed)?;
         columns.extend(scan.columns.iter().map(|column| column.name.clone()));
         let frame = LazyFrame::anonymous_scan(Arc::new(scan), ScanArgsAnonymous::default())
             .map_err(|e| refused(&e, &there, &columns))?;
-        context.register(table, frame);
+        context.register(of.table, frame);
     }
     let answer = context.execute(sql).and_then(LazyFrame::collect).and_then(|frame| rows(&frame));
     let failed = std::mem::take(&mut *failed.lock().unwrap_or_else(|p| p.into_inner()));
@@ -120,12 +160,12 @@ struct Scan {
 }
 
 impl Scan {
-    fn of(dir: &Path, table: &str, failed: &Arc<Mutex<Errors>>) -> Result<Scan> {
+    fn of(dir: &Path, there: &There, failed: &Arc<Mutex<Errors>>) -> Result<Scan> {
         let mut scan = Scan {
             dir: dir.to_path_buf(),
-            schema: schema(table)?,
-            parts: parts(dir, table)?,
-            columns: schema(table)?.columns.clone(),
+            schema: schema(there.table)?,
+            parts: there.parts.clone(),
+            columns: schema(there.table)?.columns.clone(),
             failed: failed.clone(),
         };
         if scan.schema.dynamic.is_some() {

@@ -546,6 +546,27 @@ fn an_empty_log_and_a_log_that_is_none_stop_only_their_flights() {
 }
 
 #[test]
+fn fault_a_log_that_is_named_and_not_there_stops_only_its_flight() {
+    let c = Campaign::new();
+    let named = "[\"logs/flight-1.mcap\", \"logs/flight-9.mcap\", \"logs/flight-2.mcap\"]";
+    c.edit("pipeline.toml", "[\"logs/*.mcap\"]", named);
+    let missing = "there is no log logs/flight-9.mcap";
+    let check = c.koehler("check", &[]).ended(2);
+    assert!(check.err.contains("pipeline.toml:4:") && check.err.contains(missing), "{}", check.err);
+    partial(&c, &[missing]);
+    let status = c.koehler("status", &[]).ended(0);
+    assert!(status.out.ends_with("a run would do 1 unit of work\n"), "{}", status.out);
+    c.fly("flight-9", 5, 2);
+    c.run().ended(0);
+    // Where none is there, the list is wrong.
+    c.edit("pipeline.toml", "logs/flight-", "log/flight-");
+    let run = c.run().ended(2);
+    for log in ["log/flight-1.mcap", "log/flight-9.mcap", "log/flight-2.mcap"] {
+        assert!(run.err.contains(log), "{}", run.err);
+    }
+}
+
+#[test]
 fn a_log_cut_short_gives_what_is_intact_and_a_note() {
     let c = Campaign::new();
     let path = c.path("logs/flight-2.mcap");
@@ -705,6 +726,40 @@ fn fault_a_sensor_that_froze_is_a_problem_that_is_named() {
     );
     let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
     assert!(page.contains("flight-2 y (from 40.0 s"));
+}
+
+/// `w` is made with a signal that no log has: the search finds maneuvers, and no estimate can be made.
+#[test]
+fn fault_an_optional_signal_that_is_missing_is_told_with_the_stages_that_miss_it() {
+    let c = Campaign::new();
+    let optional =
+        "[signal.q]\ntopic = \"/imu\"\nfield = \"rate\"\nunit = \"deg/s\"\noptional = true\n";
+    c.edit("channels.toml", "[signal.V]", &format!("{optional}\n[signal.V]"));
+    assert!(c.run().code < 2);
+    c.write(
+        "derived.model.toml",
+        "title = \"Turning\"\n[inputs]\nu = \"rad\"\nq = \"rad/s\"\n[outputs]\nw = { unit = \"rad\", value = \"u\" }\nturn = { unit = \"rad/s\", value = \"q\" }\n",
+    );
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 100.0\nmodel = \"derived.model.toml\"");
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\ninputs = { u = \"w\" }");
+    let run = c.run().ended(1);
+    for wanted in [
+        "q: no sample in flight-1, flight-2, flight-3; missed by estimate",
+        "nothing is derived in this flight: no value of q",
+    ] {
+        assert!(run.out.contains(wanted), "{wanted} is not in\n{}", run.out);
+    }
+    // What is searched may be lacking as well: the other inputs go on.
+    let other = "[[segment.input]]\nname = \"turn\"\nsignal = \"q\"\n\n[[estimate]]";
+    c.edit("pipeline.toml", "[[estimate]]", other);
+    let run = c.run().ended(1);
+    for wanted in
+        ["missed by segment, estimate", "no maneuver in `q`: this flight has no sample of it"]
+    {
+        assert!(run.out.contains(wanted), "{wanted} is not in\n{}", run.out);
+    }
+    let segments = koehler::table::read_dataset(&c.path("out"), "segments").expect("segments");
+    assert_eq!(segments.rows(), 12);
 }
 
 #[test]

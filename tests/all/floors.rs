@@ -166,7 +166,10 @@ const THREADS: [(&str, &str); 38] = [
     ("diagnose/search/screen.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/stability.rs", "other choices of the maneuvers of one diagnosis"),
     ("diagnose/search/surrogate.rs", "series of chance of one round of a diagnosis"),
-    ("pipeline/assess.rs", "hashes of what units read, which decide what is run at all"),
+    (
+        "pipeline/assess.rs",
+        "hashes of what units read, and a look at logs, which decide what is run at all",
+    ),
     ("pipeline/records.rs", "lines of one file of records, before work starts and at its end"),
     ("pipeline/plan/summaries.rs", "a look at the logs before work starts"),
 ];

@@ -580,6 +580,43 @@ fields = [{ column = "V", name = "V", unit = "m/s" }]
 }
 
 #[test]
+fn whole_ns_of_a_parquet_column_keep_all_their_digits() {
+    use arrow_array::*;
+    use std::sync::Arc;
+    let import = Import::new(
+        r#"
+input = ["a.parquet"]
+output = "a.mcap"
+time = { column = "t", unit = "ns" }
+[[topic]]
+name = "/air"
+fields = [{ column = "n", name = "n", unit = "1" }]
+[[topic]]
+name = "/again"
+time = { column = "u", unit = "ns" }
+fields = [{ column = "n", name = "n", unit = "1" }]
+"#,
+    );
+    let t = 1_700_000_000_123_456_789i64;
+    let columns: Vec<(&str, ArrayRef)> = vec![
+        ("t", Arc::new(Int64Array::from(vec![t, t + 1, t + 4]))),
+        ("u", Arc::new(UInt64Array::from(vec![Some(t as u64), None, Some(t as u64 + 3)]))),
+        ("n", Arc::new(UInt64Array::from(vec![7, 8, u64::MAX]))),
+    ];
+    let batch = RecordBatch::try_from_iter(columns).expect("a batch");
+    let mut writer =
+        parquet::arrow::ArrowWriter::try_new(Vec::new(), batch.schema(), None).expect("a writer");
+    writer.write(&batch).expect("written");
+    import.put("a.parquet", writer.into_inner().expect("finished"));
+    import.fine(&[]);
+    let air = import.messages("a.mcap", "/air");
+    assert_eq!(told(&air[0]), (t as u64, r#"{"n":7.0}"#));
+    assert_eq!((air[1].0, air[2].0), (t as u64 + 1, t as u64 + 4));
+    let again = import.messages("a.mcap", "/again");
+    assert_eq!((again.len(), again[0].0, again[1].0), (2, t as u64, t as u64 + 3));
+}
+
+#[test]
 fn a_folder_of_files_is_one_description() {
     let import = Import::new(&format!(
         "names = [\"*\"]\ninput = [\"nowhere/{{name}}.csv\", \"data/run-{{name}}.csv\"]\noutput = \"logs/{{name}}.mcap\"\n{CSV}"

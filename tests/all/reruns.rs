@@ -1,7 +1,7 @@
 //! What is run again, and what comes out: nothing without a reason, everything with one, and the
 //! same bytes always.
 
-use crate::campaign::{Campaign, INTERCEPT, LAG, SLOPE};
+use crate::campaign::{Campaign, INTERCEPT, LAG, Outcome, SLOPE};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -172,6 +172,50 @@ fn a_new_a_changed_and_a_removed_flight_are_noticed() {
     assert!(!c.path("out/signals/flight=flight-3").exists());
     let segments = koehler::table::read_dataset(&c.path("out"), "segments").expect("segments");
     assert_eq!(segments.rows(), 10);
+}
+
+/// How many units a run does, by what it says of its stages.
+fn done(run: &Outcome) -> u64 {
+    let said: serde_json::Value = serde_json::from_str(&run.out).expect("JSON");
+    let stages = said["stages"].as_array().expect("stages").iter();
+    let count = |stage: &serde_json::Value, what: &str| stage[what].as_u64().expect("a count");
+    stages.map(|stage| count(stage, "ran") + count(stage, "failed")).sum()
+}
+
+#[test]
+fn fault_what_stands_behind_a_flight_that_failed_is_fresh_once_it_was_made_without_it() {
+    let c = Campaign::new();
+    let told = || {
+        let status = c.koehler("status", &["--json"]).ended(0);
+        let said: serde_json::Value = serde_json::from_str(&status.out).expect("JSON");
+        [&said["to_run"], &said["may_run"]].map(|count| count.as_u64().expect("a count"))
+    };
+    let run = |code: i32| done(&c.koehler("run", &["--json"]).ended(code));
+    let [new, _] = told();
+    assert!(run(0) <= new);
+    assert_eq!(told(), [0, 0]);
+    std::fs::write(c.path("logs/flight-2.mcap"), b"no log").expect("written");
+    // That it is no log is seen before it is read. What takes all flights goes on without it; what reads
+    // that may come out the same.
+    let status = c.koehler("status", &[]).ended(0);
+    assert!(status.out.contains("stale: it will fail: "), "{}", status.out);
+    let blocked = status.out.lines().filter(|line| line.contains("blocked: ")).count();
+    let [sure, most] = told();
+    let first = run(1);
+    assert!((sure..=sure + most).contains(&first), "{sure}, {most}, {first}");
+    assert!(sure >= 2 && blocked >= 2, "{sure}, {}", status.out);
+    assert_eq!(told(), [1, 0]);
+    assert_eq!(run(1), 1);
+    let explained = c.koehler("explain", &["ingest", "flight-2"]).ended(0);
+    assert!(explained.out.contains("it failed, and is tried again: "), "{}", explained.out);
+    let dry = c.koehler("run", &["--dry-run"]).ended(0);
+    assert!(dry.out.ends_with("a run would do 1 unit of work\n"), "{}", dry.out);
+    // What other stages have to make again changes nothing about the flight that failed.
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
+    let [sure, most] = told();
+    let again = run(1);
+    assert!((sure..=sure + most).contains(&again), "{sure}, {most}, {again}");
+    assert_eq!(told(), [1, 0]);
 }
 
 #[test]

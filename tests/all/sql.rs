@@ -64,6 +64,32 @@ fn fault_what_cannot_be_answered_is_said_with_what_to_do() {
     c.koehler("verify", &[]).ended(0);
 }
 
+#[test]
+fn fault_files_that_no_record_names_are_left_out_and_told() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let count = "SELECT count(*) AS n FROM fits";
+    let sound = ask(&c, "out", count, &[]).ended(0);
+    assert_eq!(sound.err, "");
+    std::fs::copy(c.path("out/fits/part-0.parquet"), c.path("out/fits/part-7.parquet"))
+        .expect("copied");
+    let told = ask(&c, "out", count, &[]).ended(0);
+    assert_eq!(told.out, sound.out);
+    assert!(told.err.contains("no record of a run names it: fits/part-7.parquet"), "{}", told.err);
+    // A query of other tables has nothing to do with it.
+    assert_eq!(ask(&c, "out", "SELECT count(*) FROM notes", &[]).ended(0).err, "");
+    // Nor is a table there of which no file is named.
+    std::fs::create_dir_all(c.path("out/recommended")).expect("made");
+    std::fs::copy(c.path("out/fits/part-0.parquet"), c.path("out/recommended/part-0.parquet"))
+        .expect("copied");
+    let none = ask(&c, "out", "SELECT * FROM recommended", &[]).ended(2);
+    for wanted in ["the run has no table \"recommended\"", "names it: recommended/part-0.parquet"] {
+        assert!(none.err.contains(wanted), "{}", none.err);
+    }
+    c.run().ended(0);
+    assert_eq!(ask(&c, "out", count, &[]).ended(0).err, "");
+}
+
 /// A reader who has seen enough closes the pipe: that is no fault.
 #[test]
 fn a_reader_who_leaves_is_no_fault() {

@@ -48,10 +48,22 @@ pub(super) fn rest_here(wanted: &[Wanted]) -> Option<usize> {
     wanted.iter().find(|w| *w.0 == [REST]).map(|w| w.1)
 }
 
-/// Slots of the wanted numbers of a list, by place in the list, ascending.
-pub(super) fn numbers(wanted: &[Wanted]) -> Vec<(usize, usize)> {
-    let one = |(place, below): (usize, Vec<Wanted>)| Some((place, here(&below)?));
-    items(wanted).into_iter().filter_map(one).collect()
+/// What is wanted of a list of numbers: slots by place in the list, ascending.
+#[derive(Debug, Default)]
+pub(super) struct Numbers {
+    pub at: Vec<(usize, usize)>,
+    /// Of what a number is above its nearest `f64`.
+    pub above: Vec<(usize, usize)>,
+}
+
+/// The wanted numbers of a list.
+pub(super) fn numbers(wanted: &[Wanted]) -> Numbers {
+    let mut numbers = Numbers::default();
+    for (place, below) in items(wanted) {
+        numbers.at.extend(here(&below).map(|slot| (place, slot)));
+        numbers.above.extend(rest_here(&below).map(|slot| (place, slot)));
+    }
+    numbers
 }
 
 /// What is wanted of the items of a list, by place in the list, ascending.

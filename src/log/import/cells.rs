@@ -129,6 +129,14 @@ pub fn number(settings: &Import, cell: &str) -> Option<f64> {
     parsed(settings, cell).map(|x| if settings.says_missing(x) { f64::NAN } else { x })
 }
 
+/// The whole number that a cell is, all its digits; none where it has a point or an exponent, or more digits
+/// than fit.
+pub fn whole(cell: &str) -> Option<i64> {
+    let digits = cell.strip_prefix('-').unwrap_or(cell);
+    let is_whole = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+    is_whole.then(|| cell.parse().ok()).flatten()
+}
+
 fn parsed(settings: &Import, cell: &str) -> Option<f64> {
     match settings.decimal {
         Decimal::Point => fast_float2::parse::<f64, _>(cell).ok(),

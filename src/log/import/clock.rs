@@ -6,6 +6,10 @@ use crate::units::Unit;
 /// Days that programs count, by name: the number of 1970-01-01.
 const DAYS: [(&str, f64); 2] = [("excel", 25_569.0), ("datenum", 719_529.0)];
 
+/// Stamps are below this, ns: 64 bits with a sign hold them.
+const MOST_NS: f64 = 9e18;
+const UNFIT: &str = "the time is negative, not a number or too large";
+
 /// The unit of times of day.
 pub const TIME_OF_DAY: &str = "hh:mm:ss";
 
@@ -60,12 +64,27 @@ impl Clock {
             Of::Dates | Of::Times => return Err(format!("{t} is a number, no time")),
         };
         let ns = libm::round((seconds + self.start_s) * 1e9);
-        let fits = (0.0..9e18).contains(&ns);
-        if fits {
-            Ok(ns as u64)
-        } else {
-            Err("the time is negative, not a number or too large".into())
-        }
+        let fits = (0.0..MOST_NS).contains(&ns);
+        if fits { Ok(ns as u64) } else { Err(UNFIT.into()) }
+    }
+
+    /// The stamp of a whole number, ns: to the ns where the unit is a whole number of them. Times since 1970
+    /// have more digits than an `f64`.
+    ///
+    /// # Errors
+    /// As `stamp`.
+    pub fn whole(&self, t: i64) -> Result<u64, String> {
+        let Some(unit) = self.whole_ns() else { return self.stamp(t as f64) };
+        let ns = self.later(i128::from(t).saturating_mul(unit)).map_err(|_| UNFIT.to_string())?;
+        if (ns as f64) < MOST_NS { Ok(ns) } else { Err(UNFIT.into()) }
+    }
+
+    /// The clock's unit, ns; none where it is no whole number of them, or is no unit.
+    fn whole_ns(&self) -> Option<i128> {
+        let Of::Numbers(scale) = self.of else { return None };
+        let whole = libm::round(scale * 1e9);
+        let is_whole = whole >= 1.0 && (scale * 1e9 - whole).abs() < 1e-9 * whole;
+        is_whole.then_some(whole as i128)
     }
 
     /// The stamp of a time that is written, ns.
@@ -184,6 +203,22 @@ mod tests {
         ] {
             let e = read(bad).unwrap_err();
             assert!(e.contains("is no time of day"), "{bad}: {e}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_are_stamps_to_the_ns() {
+        let clock = |unit: &str| Clock::new(unit, 0.0).expect("a unit of time");
+        assert_eq!(clock("ns").whole(1_700_000_000_123_456_789), Ok(1_700_000_000_123_456_789));
+        assert_eq!(clock("us").whole(1_700_000_000_123_457), Ok(1_700_000_000_123_457_000));
+        assert_eq!(clock("ms").whole(1_700_000_000_123), Ok(1_700_000_000_123_000_000));
+        assert_eq!(clock("min").whole(2), Ok(120_000_000_000));
+        // what counts from a start, and what counts days
+        let from = Clock::new("ns", 1_700_000_000.0).expect("a unit of time");
+        assert_eq!(from.whole(37), Ok(1_700_000_000_000_000_037));
+        assert_eq!(clock("excel").whole(25_570), Ok(86_400_000_000_000));
+        for (unit, t) in [("ns", -1), ("s", i64::MAX), ("ns", i64::MAX)] {
+            assert_eq!(clock(unit).whole(t), Err(UNFIT.to_string()), "{t} {unit}");
         }
     }
 

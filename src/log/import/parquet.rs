@@ -69,16 +69,9 @@ impl Columns for File {
             let more = values(array.as_ref()).ok_or_else(|| {
                 format!("column \"{name}\" is of type {}, no numbers", array.data_type())
             })?;
-            all = Some(match (all, more) {
-                (Some(Values::Numbers(mut all)), Values::Numbers(more)) => {
-                    all.extend(more);
-                    Values::Numbers(all)
-                }
-                (Some(Values::Stamps(mut all)), Values::Stamps(more)) => {
-                    all.extend(more);
-                    Values::Stamps(all)
-                }
-                (_, more) => more,
+            all = Some(match all {
+                Some(all) => Values::and(all, more),
+                None => more,
             });
         }
         Ok(all.unwrap_or(Values::Numbers(Vec::new())))
@@ -104,11 +97,17 @@ fn values(array: &dyn Array) -> Option<Values> {
         DataType::Int8 => numbers!(Int8Type),
         DataType::Int16 => numbers!(Int16Type),
         DataType::Int32 => numbers!(Int32Type),
-        DataType::Int64 => numbers!(Int64Type),
+        DataType::Int64 => {
+            Values::Whole(array.as_primitive_opt::<types::Int64Type>()?.iter().collect())
+        }
         DataType::UInt8 => numbers!(UInt8Type),
         DataType::UInt16 => numbers!(UInt16Type),
         DataType::UInt32 => numbers!(UInt32Type),
-        DataType::UInt64 => numbers!(UInt64Type),
+        DataType::UInt64 => {
+            let all = array.as_primitive_opt::<types::UInt64Type>()?.iter();
+            let whole = all.map(|v| v.map(i64::try_from).transpose()).collect::<Result<_, _>>();
+            whole.map_or_else(|_| Some(numbers!(UInt64Type)), |all| Some(Values::Whole(all)))?
+        }
         DataType::Float32 => numbers!(Float32Type),
         DataType::Float64 => numbers!(Float64Type),
         DataType::Boolean => {

@@ -46,6 +46,8 @@ pub fn timeless(topic: &str, count: usize) -> Option<String> {
 #[derive(Debug, Clone)]
 pub enum Values {
     Numbers(Vec<f64>),
+    /// Whole numbers, of which an `f64` has not all digits; none where there is no value.
+    Whole(Vec<Option<i64>>),
     /// ns since 1970; none where there is no value.
     Stamps(Vec<Option<i64>>),
 }
@@ -54,7 +56,37 @@ impl Values {
     fn len(&self) -> usize {
         match self {
             Values::Numbers(all) => all.len(),
+            Values::Whole(all) => all.len(),
             Values::Stamps(all) => all.len(),
+        }
+    }
+
+    fn are_stamps(&self) -> bool {
+        matches!(self, Values::Stamps(_))
+    }
+
+    /// The numbers, NaN where there is no value; none of stamps.
+    fn numbers(self) -> Option<Vec<f64>> {
+        match self {
+            Values::Numbers(all) => Some(all),
+            Values::Whole(all) => {
+                Some(all.into_iter().map(|n| n.map_or(f64::NAN, |n| n as f64)).collect())
+            }
+            Values::Stamps(_) => None,
+        }
+    }
+
+    /// These values with those that follow them in the same column.
+    pub fn and(self, more: Values) -> Values {
+        match (self, more) {
+            (Values::Whole(all), Values::Whole(more)) => Values::Whole([all, more].concat()),
+            (Values::Stamps(all), Values::Stamps(more)) => Values::Stamps([all, more].concat()),
+            // Some of them are too large for whole numbers.
+            (all, more) => {
+                let mut all = all.numbers().unwrap_or_default();
+                all.extend(more.numbers().unwrap_or_default());
+                Values::Numbers(all)
+            }
         }
     }
 }
@@ -122,14 +154,14 @@ impl Times {
         let clock = match (&values, time.unit.as_deref()) {
             // Stamps are ns already.
             (Values::Stamps(_), _) => Ok(Clock::seconds(time.start_s)),
-            (Values::Numbers(_), Some(unit)) => Clock::new(unit, time.start_s),
-            (Values::Numbers(_), None) => {
+            (_, Some(unit)) => Clock::new(unit, time.start_s),
+            (_, None) => {
                 let what = format!("{} has numbers: their unit is not said", wanted.words());
                 return Err(doc.error(key, what).help("unit = \"s\""));
             }
         };
         let clock = clock.map_err(|e| doc.error(&format!("{key}.unit"), e))?;
-        if clock.is_written() && matches!(values, Values::Numbers(_)) {
+        if clock.is_written() && !values.are_stamps() {
             let what = format!("{} has numbers, no times that are written", wanted.words());
             return Err(doc.error(&format!("{key}.unit"), what));
         }
@@ -142,6 +174,10 @@ impl Times {
             Values::Stamps(all) => {
                 let ns = all.get(row).copied().flatten();
                 ns.map(|ns| self.clock.later(i128::from(ns))).transpose()
+            }
+            Values::Whole(all) => {
+                let t = all.get(row).copied().flatten();
+                t.map(|t| self.clock.whole(t)).transpose()
             }
             Values::Numbers(all) => {
                 let t = all.get(row).filter(|t| !t.is_nan());
@@ -204,9 +240,9 @@ fn fields(
     for (k, field) in fields.iter().enumerate() {
         let wanted = Wanted { column: &field.column, matrix: field.matrix.as_deref() };
         let known = |x: f64| if settings.says_missing(x) { f64::NAN } else { x };
-        let values = columns.column(wanted).and_then(|values| match values {
-            Values::Numbers(all) => Ok((wanted.words(), all.into_iter().map(known).collect())),
-            Values::Stamps(_) => Err(format!("{} has times, no numbers", wanted.words())),
+        let values = columns.column(wanted).and_then(|values| match values.numbers() {
+            Some(all) => Ok((wanted.words(), all.into_iter().map(known).collect())),
+            None => Err(format!("{} has times, no numbers", wanted.words())),
         });
         let key = format!("topic.{topic}.fields.{k}");
         if let Column::Name(name) = &field.column {

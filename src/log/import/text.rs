@@ -1,6 +1,6 @@
 //! A text file of columns in; the rows of its topics out.
 
-use super::cells::{column_of, each_row, is_missing, number, plain};
+use super::cells::{column_of, each_row, is_missing, number, plain, whole};
 use super::clock::Clock;
 use super::head::Head;
 use super::rows::{Read, Rows, SHOWN, named, timeless};
@@ -191,8 +191,14 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
             if time.is_own && cells.get(i).is_none_or(|cell| is_missing(settings, cell)) {
                 return Ok(None);
             }
-            let stamp =
-                if clock.is_written() { clock.read(cell(i)?) } else { clock.stamp(value(i)?) };
+            let of_number = |t: f64, cell: &str| match whole(cell).filter(|_| t.is_finite()) {
+                Some(t) => clock.whole(t),
+                None => clock.stamp(t),
+            };
+            let stamp = match clock.is_written() {
+                true => clock.read(cell(i)?),
+                false => of_number(value(i)?, cell(i)?),
+            };
             stamp.map(Some).map_err(|e| Error::at(at(i), e))
         };
         let stamps: Vec<Option<u64>> =

@@ -57,6 +57,23 @@ fn blank_lines_keep_their_place_in_time_at_a_rate_and_have_no_meaning_beside_a_c
 }
 
 #[test]
+fn whole_numbers_in_a_column_of_time_keep_all_their_digits() {
+    let text = "t,v\n1700000000123456789,1\n1700000000123456790,2\n1.700000000123456791e18,3\n";
+    let with = |unit: &str| {
+        settings(&format!(
+            "separator = \"comma\"\nheader_lines = 1\ntime = {{ column = \"t\", unit = \"{unit}\" }}"
+        ))
+    };
+    let stamp = read_all(&with("ns"), text).expect("read").stamp;
+    assert_eq!(stamp[..2], [1_700_000_000_123_456_789, 1_700_000_000_123_456_790]);
+    assert!(stamp[2].abs_diff(1_700_000_000_123_456_791) <= 1000, "{stamp:?}");
+    let stamp = read_all(&with("us"), "t,v\n1700000000123457,1\n").expect("read").stamp;
+    assert_eq!(stamp, [1_700_000_000_123_457_000]);
+    let e = read_all(&with("ns"), "t,v\n-5,1\n").expect_err("before 1970");
+    assert!(e.contains("a.csv:2:1: the time is negative"), "{e}");
+}
+
+#[test]
 fn fault_a_header_in_other_units_is_refused_unless_it_says_despite() {
     let with = |field: &str, time: &str, lines: &str| {
         let (mut import, doc) = settings(&format!(

@@ -2,7 +2,7 @@
 //! and those to be simulated.
 
 use crate::config::Doc;
-use crate::error::{Error, Errors};
+use crate::error::{Error, Errors, Result};
 use crate::pipeline::settings::Settings;
 use crate::pipeline::simulate::Simulation;
 use crate::table::{check_flight, flight_id};
@@ -14,6 +14,9 @@ use std::path::{Path, PathBuf};
 pub struct FlightLog {
     pub flight: String,
     pub path: PathBuf,
+    /// The mistake of the pipeline file, where it names a log that is not there while others are: one of this
+    /// flight alone.
+    pub missing: Option<Error>,
 }
 
 /// The logs that a simulation would make.
@@ -23,26 +26,27 @@ pub enum Made<'a> {
     Unsure,
 }
 
-/// The logs in alphabetical order of the flights.
+/// The logs in alphabetical order of the flights; one that is named and not there is among them, so that its
+/// flight is missed and the others go on.
 ///
 /// # Errors
-/// A file that is named and not there, a pattern that finds nothing, two logs with one name, a name
+/// None of the files that are named is there, a pattern that finds nothing, two logs with one name, a name
 /// that is no flight id.
 pub fn find(
     settings: &Settings,
     doc: &Doc,
     folder: &Path,
     made: Made,
-) -> Result<Vec<FlightLog>, Errors> {
+) -> std::result::Result<Vec<FlightLog>, Errors> {
     let mut errors = Errors::default();
-    let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let mut found: BTreeMap<String, FlightLog> = BTreeMap::new();
     let to_simulate: Option<Vec<(String, PathBuf)>> = match made {
         Made::By(simulation) => Some(simulation.map(Simulation::logs).unwrap_or_default()),
         Made::Unsure => None,
     };
     for (i, pattern) in settings.logs.iter().enumerate() {
         let key = format!("logs.{i}");
-        for path in errors
+        for Named { path, missing } in errors
             .take(matches(doc, &key, folder, pattern, to_simulate.as_deref()))
             .unwrap_or_default()
         {
@@ -52,10 +56,10 @@ pub fn find(
                 errors.push(doc.error(&key, what).help(e.help.unwrap_or_default()));
             }
             match found.get(&flight) {
-                Some(other) if *other != path => {
+                Some(other) if other.path != path => {
                     let what = format!(
                         "two logs are of flight {flight}: {} and {}",
-                        other.display(),
+                        other.path.display(),
                         path.display()
                     );
                     errors.push(
@@ -64,7 +68,7 @@ pub fn find(
                     );
                 }
                 _ => {
-                    found.insert(flight, path);
+                    found.insert(flight.clone(), FlightLog { flight, path, missing });
                 }
             }
         }
@@ -74,7 +78,23 @@ pub fn find(
             doc.error("logs", "no logs are named").help("for example: logs = [\"logs/*.mcap\"]"),
         );
     }
-    errors.or(found.into_iter().map(|(flight, path)| FlightLog { flight, path }).collect())
+    let logs: Vec<FlightLog> = found.into_values().collect();
+    // Where there is none at all, that is no flight's.
+    if logs.iter().all(|log| log.missing.is_some()) {
+        errors.0.extend(missing(&logs).0);
+    }
+    errors.or(logs)
+}
+
+/// The mistakes of logs that are named and not there.
+pub fn missing(logs: &[FlightLog]) -> Errors {
+    Errors(logs.iter().filter_map(|log| log.missing.clone()).collect())
+}
+
+/// A log that a pattern stands for.
+struct Named {
+    path: PathBuf,
+    missing: Option<Error>,
 }
 
 /// The id of a log's flight: the file's name, made an id where it is none (recorders like to call
@@ -99,14 +119,15 @@ fn no_text(pattern: &glob::Pattern) -> Vec<PathBuf> {
 }
 
 /// The logs that one pattern stands for, simulated ones included; where it is not known which are
-/// simulated, there may be none.
+/// simulated, there may be none. A name is that of a log that may be missing.
 fn matches(
     doc: &Doc,
     key: &str,
     folder: &Path,
     pattern: &str,
     to_simulate: Option<&[(String, PathBuf)]>,
-) -> Result<Vec<PathBuf>, Error> {
+) -> Result<Vec<Named>> {
+    let said = pattern;
     let (folder, pattern) = match pattern.strip_prefix('$').and_then(|rest| rest.split_once('/')) {
         None if Path::new(pattern).is_absolute() => (PathBuf::new(), pattern),
         None => (folder.to_path_buf(), pattern),
@@ -128,7 +149,10 @@ fn matches(
     let escaped = format!("{}{}", folder_pattern(&folder), pattern);
     let compiled = glob::Pattern::new(&escaped).map_err(|e| bad(&e))?;
     let mut paths: Vec<PathBuf> = if is_pattern {
-        glob::glob(&escaped).map_err(|e| bad(&e))?.collect::<Result<_, _>>().map_err(|e| bad(&e))?
+        glob::glob(&escaped)
+            .map_err(|e| bad(&e))?
+            .collect::<std::result::Result<_, _>>()
+            .map_err(|e| bad(&e))?
     } else if full.symlink_metadata().is_ok() {
         // What is there and no file is told when it is read.
         vec![full.clone()]
@@ -146,17 +170,19 @@ fn matches(
     paths.extend(simulated.cloned());
     paths.sort();
     paths.dedup();
-    if paths.is_empty() && to_simulate.is_some() {
-        let what = if is_pattern {
-            format!("no log matches {text}")
-        } else {
-            format!("there is no log {text}")
-        };
-        return Err(doc
-            .error(key, what)
-            .help("paths are relative to the folder of the pipeline file; `koehler import` and `koehler simulate` make logs"));
+    let there = |path| Named { path, missing: None };
+    if !paths.is_empty() || to_simulate.is_none() {
+        return Ok(paths.into_iter().map(there).collect());
     }
-    Ok(paths)
+    let help = "paths are relative to the folder of the pipeline file; `koehler import` and `koehler simulate` make logs";
+    match is_pattern {
+        true => Err(doc.error(key, format!("no log matches {text}")).help(help)),
+        // It gets into tables, which do not depend on where a campaign lies.
+        false => {
+            let missing = doc.error(key, format!("there is no log {said}")).help(help);
+            Ok(vec![Named { path: full, missing: Some(missing) }])
+        }
+    }
 }
 
 fn folder_pattern(folder: &Path) -> String {

@@ -38,7 +38,7 @@ mod tests {
         let log = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).expect("written");
-            FlightLog { flight: name.to_string(), path }
+            FlightLog { flight: name.to_string(), path, missing: None }
         };
         let logs =
             [log("a", b"one"), log("b", b"two"), log("c", b"one"), log("d", b""), log("e", b"")];

@@ -5,7 +5,7 @@ use super::{Outcome, Run};
 use crate::error::{Errors, Result};
 use crate::pipeline::assess::{Assessment, Content, State};
 use crate::pipeline::made::{Product, Sheet};
-use crate::pipeline::own::{Filed, Own, own_tables};
+use crate::pipeline::own::{Filed, Own, failure_note, own_tables};
 use crate::pipeline::owners::Owners;
 use crate::pipeline::provenance::{Provenance, VERSION};
 use crate::pipeline::unit::keep;
@@ -83,6 +83,8 @@ impl Run<'_> {
             }
             Err(errors) => {
                 record.error = Some(errors.to_string());
+                let said = errors.0.iter().map(|e| failure_note(stage, &a.unit, e));
+                record.notes = said.collect();
                 Some(errors)
             }
         };

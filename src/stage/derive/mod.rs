@@ -4,6 +4,7 @@
 mod config;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
+use crate::config::list;
 use crate::dynamics::{Directions, Interpolation, Propagator, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
@@ -129,10 +130,12 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             column.values = smooth(&column.values, points(*window, dt), 3)?;
         }
     }
+    let mut notes = Vec::new();
     if let Some(model) = &config.model {
+        notes.extend(lacking(&unit.name, &config.inputs, &columns));
         add_model(model, &config.inputs, &grid, &mut columns)?;
     }
-    let notes = masked(&unit.name, &columns);
+    notes.extend(masked(&unit.name, &columns));
     let mut table = Table::build("samples").repeat("flight", &unit.name).f64("t_s", grid.times());
     for (name, column) in columns {
         table = table.dynamic(&name, &column.unit, &column.doc, column.values);
@@ -158,6 +161,22 @@ fn add_flight_path(
         );
     }
     Ok(())
+}
+
+/// What to say where the model has no value anywhere, because something that it needs has none.
+fn lacking(flight: &str, inputs: &[String], columns: &IndexMap<String, Column>) -> Option<Note> {
+    let is_known = |name: &&String| {
+        columns.get(*name).is_some_and(|c| c.values.iter().any(|value| value.is_finite()))
+    };
+    let lacking: Vec<&String> = inputs.iter().filter(|name| !is_known(name)).collect();
+    (!lacking.is_empty()).then(|| Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity: Severity::Warning,
+        subject: "model".to_string(),
+        count: lacking.len() as u64,
+        text: format!("nothing is derived in this flight: no value of {}", list(&lacking)),
+    })
 }
 
 /// Adds the outputs of the model, wherever all its inputs have values.

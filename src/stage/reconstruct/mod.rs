@@ -3,7 +3,8 @@
 mod config;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
-use crate::error::Errors;
+use crate::config::list;
+use crate::error::{Error, Errors};
 use crate::model::{Model, Quantity};
 use crate::reconstruct::{self, FlightPath};
 use crate::table::Table;
@@ -38,6 +39,17 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let signals = inputs.signals(&unit.name, &names)?;
     let signals = signals.map_or_else(|| inputs.of("signals", &unit.name), Ok)?;
     let signals = super::series(&signals)?;
+    let driving = config.model.inputs.iter().map(name);
+    let lacking: Vec<String> =
+        driving.filter(|name| !signals.contains_key(name.as_str())).collect();
+    if !lacking.is_empty() {
+        let what = format!(
+            "no flight path: it needs {}, and this flight has no sample of it",
+            list(&lacking)
+        );
+        let help = "the channel map may say that a log may lack it (optional = true): a note of ingest says why it does";
+        return Err(Error::new(what).help(help).into());
+    }
     let mut path = reconstruct::reconstruct(
         &config.model,
         |name| signals.get(name).copied(),

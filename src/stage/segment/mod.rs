@@ -50,7 +50,13 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     for input in &config.settings.input {
         let (t, u) = match signals.get(input.signal.as_str()) {
             Some(series) => *series,
-            None => (samples.f64("t_s")?, samples.f64(&input.signal)?),
+            None if samples.has(&input.signal) => {
+                (samples.f64("t_s")?, samples.f64(&input.signal)?)
+            }
+            None => {
+                notes.push(lacking(flight, input));
+                continue;
+            }
         };
         let segment::Found { maneuvers, cut } = segment::search(t, u, &input.method);
         notes.extend(cut.iter().map(|cut| cut_note(flight, input, cut)));
@@ -111,6 +117,18 @@ fn note(flight: &str, input: &InputSettings, maneuvers: &[Maneuver]) -> Option<N
         count: count as u64,
         text,
     })
+}
+
+/// What to say where nothing can be searched.
+fn lacking(flight: &str, input: &InputSettings) -> Note {
+    Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity: if input.optional { Severity::Info } else { Severity::Missing },
+        subject: input.name().to_string(),
+        count: 1,
+        text: format!("no maneuver in `{}`: this flight has no sample of it", input.signal),
+    }
 }
 
 /// What to say about steps that a gap or the end of the record cuts off. One step alone that is there

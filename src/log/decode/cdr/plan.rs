@@ -12,8 +12,8 @@ use std::rc::Rc;
 pub(super) enum Step {
     Fixed(Fixed),
     Text,
-    /// A list of numbers, its length in front: the wanted ones by place in the list.
-    Numbers(Number, Vec<(usize, usize)>),
+    /// A list of numbers, its length in front: what is wanted of them by place in the list.
+    Numbers(Number, Vec<Listed>),
     /// A list of anything else; its length in front where it has none fixed.
     Items(Option<u64>, Items),
     /// A type with nothing wanted in it.
@@ -32,6 +32,13 @@ pub(super) struct Fixed {
 struct Load {
     /// From the start of the run, by the place of that start modulo 8.
     at: Sizes,
+    number: Number,
+    slot: usize,
+}
+
+/// What is wanted of a number at a place of a list.
+pub(super) struct Listed {
+    place: usize,
     number: Number,
     slot: usize,
 }
@@ -80,11 +87,11 @@ impl<'a> Planner<'a> {
                 }
             }
             Kind::Array(item, n) => match **item {
-                Kind::Number(number) => numbers(number, *n, &paths::numbers(wanted), steps),
+                Kind::Number(number) => numbers(number, *n, listed(number, wanted), steps),
                 _ => steps.push(Step::Items(Some(*n), self.items(item, wanted))),
             },
             Kind::Sequence(item) => match **item {
-                Kind::Number(number) => steps.push(Step::Numbers(number, paths::numbers(wanted))),
+                Kind::Number(number) => steps.push(Step::Numbers(number, listed(number, wanted))),
                 _ => steps.push(Step::Items(None, self.items(item, wanted))),
             },
             Kind::Text | Kind::Opaque => self.pass(kind, steps),
@@ -151,14 +158,22 @@ fn load(number: Number, slot: Option<usize>, rest: Option<usize>, steps: &mut Ve
     });
 }
 
+/// What is wanted of a list of numbers, and of what whole ones are above them.
+fn listed(number: Number, wanted: &[Wanted]) -> Vec<Listed> {
+    let paths::Numbers { at, above } = paths::numbers(wanted);
+    let of = |number: Number| move |(place, slot): (usize, usize)| Listed { place, number, slot };
+    let above = number.rest().map(|rest| above.into_iter().map(of(rest)));
+    at.into_iter().map(of(number)).chain(above.into_iter().flatten()).collect()
+}
+
 /// A list of `n` numbers, of which those at some places are wanted.
-fn numbers(number: Number, n: u64, wanted: &[(usize, usize)], steps: &mut Vec<Step>) {
+fn numbers(number: Number, n: u64, wanted: Vec<Listed>, steps: &mut Vec<Step>) {
     let n = usize::try_from(n).unwrap_or(usize::MAX);
     let after = |at: usize, n: usize| at.saturating_add(number.size().saturating_mul(n));
     fixed(steps, |run| {
         let first = run.aligned(number);
-        let inside = wanted.iter().filter(|(place, _)| *place < n);
-        run.loads.extend(inside.map(|&(place, slot)| Load {
+        let inside = wanted.into_iter().filter(|listed| listed.place < n);
+        run.loads.extend(inside.map(|Listed { place, number, slot }| Load {
             at: first.map(|at| after(at, place)),
             number,
             slot,
@@ -244,12 +259,7 @@ impl<'a, const BIG: bool> Cursor<'a, BIG> {
         usize::try_from(n).ok()
     }
 
-    fn numbers(
-        &mut self,
-        number: Number,
-        wanted: &[(usize, usize)],
-        out: &mut [f64],
-    ) -> Option<()> {
+    fn numbers(&mut self, number: Number, wanted: &[Listed], out: &mut [f64]) -> Option<()> {
         let n = self.length()?;
         if n == 0 {
             return Some(());
@@ -257,9 +267,9 @@ impl<'a, const BIG: bool> Cursor<'a, BIG> {
         let size = number.size();
         self.skip(padding(self.at, size))?;
         let bytes = self.skip(n.checked_mul(size)?)?;
-        for &(place, slot) in wanted.iter().take_while(|w| w.0 < n) {
-            if let Some(value) = out.get_mut(slot) {
-                *value = read::<BIG>(number, bytes.get(place * size..)?)?;
+        for listed in wanted.iter().filter(|listed| listed.place < n) {
+            if let Some(value) = out.get_mut(listed.slot) {
+                *value = read::<BIG>(listed.number, bytes.get(listed.place * size..)?)?;
             }
         }
         Some(())

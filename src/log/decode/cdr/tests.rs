@@ -370,3 +370,20 @@ fn a_whole_number_of_64_bits_has_what_its_nearest_f64_lacks() {
         assert!(v[1] != 0.0 && v[3] != 0.0 && v[4] == 1.5 && is_unreadable(v[5]), "{v:?}");
     }
 }
+
+#[test]
+fn whole_numbers_of_a_list_have_what_their_nearest_f64_lacks() {
+    let channel = channel("a_msgs/msg/Times", "ros2msg", "int64[] n\nuint64[2] u\n");
+    let rest = crate::log::decode::rest_of;
+    let paths = ["n.1".to_string(), rest("n.1"), "u.0".to_string(), rest("u.0")];
+    let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+    let (n, u) = (1_700_000_000_123_456_789_i64, u64::MAX - 5);
+    for big in [false, true] {
+        let message = Made::new(big).put(2u32.to_le_bytes()).put(7i64.to_le_bytes());
+        let message = message.put(n.to_le_bytes()).put(u.to_le_bytes()).put(7u64.to_le_bytes());
+        let v = values(&channel, &paths, &message.bytes);
+        assert_eq!(v[0] as i64 + v[1] as i64, n);
+        assert_eq!(v[2] as i128 + v[3] as i128, i128::from(u));
+        assert!(v[1] != 0.0 && v[3] != 0.0, "{v:?}");
+    }
+}

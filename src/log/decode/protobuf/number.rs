@@ -4,14 +4,12 @@ use super::schema::Number;
 use super::wire::{self, Form};
 use crate::log::bytes::Bytes;
 use crate::log::decode::encoding::finite;
-use crate::log::decode::paths;
+use crate::log::decode::paths::{self, Numbers};
 
-/// The next number of a list: goes to its slot, if anybody wants it.
+/// The number at a place of a list: goes to its slot, if anybody wants it.
 #[inline]
-pub(super) fn set(count: &mut usize, wanted: &[(usize, usize)], value: f64, out: &mut [f64]) {
-    let slot = wanted.iter().find(|w| w.0 == *count).and_then(|w| out.get_mut(w.1));
-    *count += 1;
-    if let Some(x) = slot {
+fn set(place: usize, wanted: &[(usize, usize)], value: f64, out: &mut [f64]) {
+    if let Some(x) = wanted.iter().find(|w| w.0 == place).and_then(|w| out.get_mut(w.1)) {
         *x = value;
     }
 }
@@ -72,18 +70,40 @@ impl Number {
         }
     }
 
+    /// The next number of a list.
+    #[inline]
+    pub fn next(
+        self,
+        form: Form,
+        rest: &mut Bytes,
+        count: &mut usize,
+        wanted: &Numbers,
+        out: &mut [f64],
+    ) -> Option<()> {
+        let value = if wanted.above.is_empty() {
+            self.read(form, rest)?
+        } else {
+            let (value, above) = self.read_whole(form, rest)?;
+            set(*count, &wanted.above, above, out);
+            value
+        };
+        set(*count, &wanted.at, value, out);
+        *count += 1;
+        Some(())
+    }
+
     /// Numbers in a row.
     pub fn packed(
         self,
         packed: &[u8],
         count: &mut usize,
-        wanted: &[(usize, usize)],
+        wanted: &Numbers,
         out: &mut [f64],
     ) -> Option<()> {
         let mut rest = Bytes(packed);
         let Some(size) = self.size() else {
             while !rest.0.is_empty() {
-                set(count, wanted, self.read(Form::Varint, &mut rest)?, out);
+                self.next(Form::Varint, &mut rest, count, wanted, out)?;
             }
             return Some(());
         };
@@ -91,9 +111,14 @@ impl Number {
             return None;
         }
         let (n, form) = (packed.len() / size, self.form());
-        for &(place, slot) in wanted {
-            let Some(i) = place.checked_sub(*count).filter(|&i| i < n) else { continue };
+        let inside = |place: usize| place.checked_sub(*count).filter(|&i| i < n);
+        for &(place, slot) in &wanted.at {
+            let Some(i) = inside(place) else { continue };
             *out.get_mut(slot)? = self.read(form, &mut Bytes(packed.get(i * size..)?))?;
+        }
+        for &(place, slot) in &wanted.above {
+            let Some(i) = inside(place) else { continue };
+            *out.get_mut(slot)? = self.read_whole(form, &mut Bytes(packed.get(i * size..)?))?.1;
         }
         *count += n;
         Some(())

@@ -1,6 +1,5 @@
 //! A schema and the wanted paths in; a plan out, which takes a message to the numbers at the paths.
 
-use super::number::set;
 use super::schema::{Kind, Number, Schema};
 use super::wire::{self, Form};
 use crate::log::bytes::Bytes;
@@ -46,8 +45,8 @@ enum Take {
     Number(Number, usize),
     /// A number, and what a whole one is above it.
     Whole(Number, usize, usize),
-    /// A list of numbers: its count, and slots by place, ascending.
-    Numbers(Number, usize, Vec<(usize, usize)>),
+    /// A list of numbers: its count, and what is wanted of them.
+    Numbers(Number, usize, paths::Numbers),
     Message(Node),
     /// A list of messages: its count, and what is read of some, ascending.
     Messages(usize, Vec<(usize, Node)>),
@@ -242,7 +241,7 @@ impl Take {
                 number.packed(wire::stretch(rest)?, counts.get_mut(*list)?, wanted, out)?;
             }
             (Take::Numbers(number, list, wanted), form) => {
-                set(counts.get_mut(*list)?, wanted, number.read(form, rest)?, out);
+                number.next(form, rest, counts.get_mut(*list)?, wanted, out)?;
             }
             (Take::Message(node), Form::Stretch) => {
                 node.read(wire::stretch(rest)?, counts, out)?;

@@ -309,18 +309,41 @@ proptest::proptest! {
     }
 }
 
+/// A number seven bits at a time.
+fn varint(mut left: u64) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    while left >= 0x80 {
+        bytes.push(left as u8 | 0x80);
+        left >>= 7;
+    }
+    bytes.push(left as u8);
+    bytes
+}
+
+#[test]
+fn whole_numbers_of_a_list_have_what_their_nearest_f64_lacks() {
+    let rest = crate::log::decode::rest_of;
+    let number = 1_700_000_000_123_456_789_i64;
+    let both = [varint(7), varint(number as u64)];
+    // the key of `list` as one stretch, and as a number each
+    let packed = both.concat();
+    let stretch = [vec![0x2a, packed.len() as u8], packed].concat();
+    let each = both.map(|n| [vec![0x28], n].concat()).concat();
+    let paths = ["list.0".to_string(), rest("list.0"), "list.1".to_string(), rest("list.1")];
+    for message in [stretch, each] {
+        let mut out = vec![0.0; paths.len()];
+        prepare(&channel(), &paths).expect("a plan")()(&message, &mut out);
+        assert_eq!(out[..2], [7.0, 0.0]);
+        assert!(out[3] != 0.0 && out[2] as i64 + out[3] as i64 == number, "{out:?}");
+    }
+}
+
 #[test]
 fn a_whole_number_of_64_bits_has_what_its_nearest_f64_lacks() {
     let rest = crate::log::decode::rest_of;
     let number = 1_700_000_000_123_456_789_i64;
-    // the key of `i`, and the number seven bits at a time
-    let mut message = vec![0x38];
-    let mut left = number as u64;
-    while left >= 0x80 {
-        message.push(left as u8 | 0x80);
-        left >>= 7;
-    }
-    message.push(left as u8);
+    // the key of `i`, and the number
+    let message = [vec![0x38], varint(number as u64)].concat();
     let paths = ["i".to_string(), rest("i"), "x".to_string(), rest("x"), rest("z")];
     let mut out = vec![0.0; paths.len()];
     prepare(&channel(), &paths).expect("a plan")()(&message, &mut out);
