@@ -163,11 +163,11 @@ fn by_interpreter(
             program.run(file, tables);
             for k in 0..x.len() {
                 let rate = program.output(file, k)[0];
-                at[k] = x[k] + weights[2 * stage + 1] * rate;
-                sum[k] += weights[2 * stage] * rate;
+                at[k] = weights[2 * stage + 1].mul_add(rate, x[k]);
+                sum[k] = weights[2 * stage].mul_add(rate, sum[k]);
             }
         }
-        x.iter_mut().zip(&sum).for_each(|(x, sum)| *x += weights[8] * sum);
+        x.iter_mut().zip(&sum).for_each(|(x, sum)| *x = weights[8].mul_add(*sum, *x));
     }
 }
 
