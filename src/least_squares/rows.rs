@@ -35,11 +35,11 @@ fn add_of(width: Width, e: &[f64], g: &[f64], nd: usize, sums: &mut [f64]) -> (u
             .take(most)
             .position(|e| e.is_nan())
             .map_or(e.len().min(from + most), |n| from + n);
-        if count == 0 && to > from {
-            sums.fill(0.0);
+        if to > from {
+            let (e, g) = (&e[from..to], &g[from * nd..to * nd]);
+            // SAFETY: the width is this machine's.
+            unsafe { stretch(width, e, g, nd, count == 0, sums, &mut square) };
         }
-        // SAFETY: the width is this machine's.
-        unsafe { stretch(width, &e[from..to], &g[from * nd..to * nd], nd, sums, &mut square) };
         count += to - from;
         // past a masked sample, if that is what ended the stretch
         from = if e.get(to).is_some_and(|e| e.is_nan()) { to + 1 } else { to };
@@ -51,8 +51,9 @@ fn add_of(width: Width, e: &[f64], g: &[f64], nd: usize, sums: &mut [f64]) -> (u
 }
 
 by_width! {
-    /// A stretch without masked samples: `sums[nd + 1][nd, padded to eight]`, and the sum of `e^2`.
-    fn stretch(e: &[f64], g: &[f64], nd: usize, sums: &mut [f64], square: &mut f64) = stretch_body
+    /// A stretch without masked samples: `sums[nd + 1][nd, padded to eight]`, of which nothing is
+    /// there yet at the `first` one, and the sum of `e^2`.
+    fn stretch(e: &[f64], g: &[f64], nd: usize, first: bool, sums: &mut [f64], square: &mut f64) = stretch_body
 }
 
 /// # Safety
@@ -62,12 +63,13 @@ unsafe fn stretch_body<V: Eight>(
     e: &[f64],
     g: &[f64],
     nd: usize,
+    first: bool,
     sums: &mut [f64],
     square: &mut f64,
 ) {
     let stride = nd.next_multiple_of(8);
     assert!(g.len() >= e.len() * nd && sums.len() >= (nd + 1) * stride);
-    let mut all = Sums { e, g, nd, stride, sums, square: 0.0 };
+    let mut all = Sums { e, g, nd, stride, first, sums, square: 0.0 };
     // SAFETY: the sizes were just checked; tiles lie in the matrix.
     unsafe {
         let mut column = 0;
@@ -112,6 +114,8 @@ struct Sums<'a> {
     g: &'a [f64],
     nd: usize,
     stride: usize,
+    /// Nothing was added yet.
+    first: bool,
     sums: &'a mut [f64],
     /// The sum of `e^2` after a tile with the residuals' row.
     square: f64,
@@ -134,11 +138,15 @@ unsafe fn tile<V: Eight, const R: usize, const C: usize, const E: usize>(
     unsafe {
         let at = |i: usize, c: usize| (row + i) * stride + column + 8 * c;
         let places = all.sums.as_mut_ptr();
+        let before = |at: usize, c: usize| {
+            V::load(if all.first { zero[c].as_ptr() } else { places.add(at) })
+        };
         let mut sum: [[V; C]; R] =
-            std::array::from_fn(|i| std::array::from_fn(|c| V::load(places.add(at(i, c)))));
+            std::array::from_fn(|i| std::array::from_fn(|c| before(at(i, c), c)));
         let towards = |c: usize| nd * stride + column + 8 * c;
-        let mut slope: [V; C] = std::array::from_fn(|c| {
-            V::load(if E == 1 { places.add(towards(c)) } else { zero[c].as_ptr() })
+        let mut slope: [V; C] = std::array::from_fn(|c| match E {
+            1 => before(towards(c), c),
+            _ => V::load(zero[c].as_ptr()),
         });
         let mut square = all.square;
         for (k, e) in all.e.iter().enumerate() {

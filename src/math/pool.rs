@@ -3,41 +3,74 @@
 
 use super::simd::Aligned;
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 
-/// Buffers kept per thread.
-const MOST: usize = 128;
+/// Buffers kept per thread: those of a segment, and the sums of some tens of segments until all are added.
+const MOST: usize = 512;
+
+/// Numbers that they hold at most: 256 MiB.
+const NUMBERS: usize = 1 << 25;
+
+/// A buffer is not taken for less than its length over this: whoever needs that length would have to write
+/// zeros to it again.
+const TIMES: usize = 2;
+
+/// Buffers by what they can hold, how many there are, and what they hold together.
+struct Free {
+    kept: BTreeMap<usize, Vec<Vec<f64>>>,
+    count: usize,
+    numbers: usize,
+}
 
 thread_local! {
-    static FREE: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };
+    static FREE: RefCell<Free> =
+        const { RefCell::new(Free { kept: BTreeMap::new(), count: 0, numbers: 0 }) };
     static ALIGNED: RefCell<Vec<Aligned>> = const { RefCell::new(Vec::new()) };
 }
 
-/// A buffer of `n` numbers, whatever they are: the smallest that is large enough.
-pub fn take(n: usize) -> Vec<f64> {
-    let mut buffer = FREE.with_borrow_mut(|free| {
-        let fits = (0..free.len())
-            .filter(|&i| free[i].capacity() >= n)
-            .min_by_key(|&i| free[i].capacity());
-        fits.map(|i| free.swap_remove(i))
-    });
-    match &mut buffer {
-        Some(buffer) => buffer.resize(n, 0.0),
-        // pages of the system, which are zero before they are touched
-        None => return vec![0.0; n],
+impl Free {
+    /// The last one of those that can hold `capacity`, which there are.
+    fn pop(&mut self, capacity: usize) -> Option<Vec<f64>> {
+        let alike = self.kept.get_mut(&capacity)?;
+        let buffer = alike.pop();
+        if alike.is_empty() {
+            self.kept.remove(&capacity);
+        }
+        self.count -= usize::from(buffer.is_some());
+        self.numbers -= buffer.as_ref().map_or(0, |_| capacity);
+        buffer
     }
-    buffer.unwrap_or_default()
+}
+
+/// A buffer of `n` numbers, whatever they are: the smallest that is large enough, and not far larger.
+pub fn take(n: usize) -> Vec<f64> {
+    let buffer = FREE.with_borrow_mut(|free| {
+        let fits = free.kept.range(n..=TIMES * n.max(8)).next().map(|(capacity, _)| *capacity);
+        fits.and_then(|capacity| free.pop(capacity))
+    });
+    match buffer {
+        Some(mut buffer) => {
+            buffer.resize(n, 0.0);
+            buffer
+        }
+        // pages of the system, which are zero before they are touched
+        None => vec![0.0; n],
+    }
 }
 
 /// Keeps a buffer for whoever takes the next one; the smallest ones are let go first.
 pub fn give(buffer: Vec<f64>) {
+    let capacity = buffer.capacity();
     FREE.with_borrow_mut(|free| {
-        if free.len() < MOST {
-            free.push(buffer);
-        } else if let Some(least) = free.iter_mut().min_by_key(|kept| kept.capacity())
-            && least.capacity() < buffer.capacity()
-        {
-            *least = buffer;
+        if capacity == 0 || free.numbers + capacity > NUMBERS {
+            return;
         }
+        if free.count == MOST {
+            let least = free.kept.keys().next().copied();
+            drop(least.and_then(|least| free.pop(least)));
+        }
+        (free.count, free.numbers) = (free.count + 1, free.numbers + capacity);
+        free.kept.entry(capacity).or_default().push(buffer);
     });
 }
 
@@ -67,5 +100,8 @@ mod tests {
         let again = take(900);
         assert_eq!((again.as_ptr(), again.len()), (place, 900));
         assert_eq!(take(10).len(), 10);
+        give(again);
+        // for a tenth of it another one serves
+        assert_ne!(take(100).as_ptr(), place);
     }
 }
