@@ -184,7 +184,8 @@ fn results(all: &[Maneuver], noise: &mut impl Rng) -> [Table; 4] {
         let table = Table::build("points")
             .repeat("model", "elevator")
             .repeat("parameter", name)
-            .repeat("against", "alpha");
+            .repeat("against", "alpha")
+            .repeat("fit", "elevator-alpha");
         let table = table
             .repeat("unit", unit)
             .repeat("unit_x", "rad")
@@ -215,6 +216,7 @@ fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
         .strings("model", ["elevator"])
         .repeat("parameter", name)
         .repeat("against", "alpha")
+        .repeat("fit", "elevator-alpha")
         .repeat("unit", unit);
     let table = table
         .repeat("unit_x", "rad")
@@ -248,7 +250,8 @@ fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
     let mut table = Table::build("bands")
         .repeat("model", "elevator")
         .repeat("parameter", name)
-        .repeat("against", "alpha");
+        .repeat("against", "alpha")
+        .repeat("fit", "elevator-alpha");
     table = table.f64("x", grid.clone()).f64("value", curve(&|_| 0.0));
     for (name, sign) in [("lower", -1.0), ("upper", 1.0)] {
         table = table.f64(&format!("pointwise_{name}"), curve(&|x| sign * 2.26 * sd(x)));

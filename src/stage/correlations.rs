@@ -235,6 +235,7 @@ mod tests {
                 .repeat("model", "m")
                 .repeat("parameter", name)
                 .repeat("against", "alpha")
+                .repeat("fit", "m-alpha")
                 .repeat("unit", "1")
                 .repeat("unit_x", "rad")
                 .repeat("flight", "flight")

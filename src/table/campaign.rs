@@ -32,6 +32,8 @@ pub struct Line<'a> {
     pub parameter: &'a str,
     /// Signal of the conditions that is the abscissa.
     pub against: &'a str,
+    /// Name of the fit.
+    pub fit: &'a str,
 }
 
 /// Joins the estimates of one parameter with the flights of their segments and the trimmed value of
@@ -145,6 +147,7 @@ fn sift(joined: &DataFrame, line: Line) -> std::result::Result<Points, Sift> {
         .repeat("model", line.model)
         .repeat("parameter", line.parameter)
         .repeat("against", line.against)
+        .repeat("fit", line.fit)
         .strings("unit", texts(&units))
         .strings("unit_x", texts(&units_x))
         .strings("flight", texts(&flights))

@@ -414,7 +414,7 @@ mod campaign_level {
             .unwrap()
     }
 
-    const LINE: Line = Line { model: "m", parameter: "C", against: "alpha" };
+    const LINE: Line = Line { model: "m", parameter: "C", against: "alpha", fit: "m-alpha" };
 
     #[test]
     fn points_join_estimates_with_flight_and_condition_and_account_for_the_rest() {

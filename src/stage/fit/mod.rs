@@ -74,8 +74,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let mut lines = Vec::new();
     let mut notes = Vec::new();
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
-        let wanted =
-            campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
+        let (model, against) = (&settings.estimate, &settings.against);
+        let wanted = campaign::Line { model, parameter, against, fit: &config.name() };
         let found =
             campaign::points(std::slice::from_ref(&estimates), &segments, &conditions, wanted)?;
         let mut line = line(config, parameter, unit, found.table, &known)?;
@@ -176,6 +176,7 @@ fn together(config: &Config, lines: &[Line], known: &Correlations) -> Result<Tab
     Table::build("line_correlations")
         .repeat("model", &config.settings.estimate)
         .repeat("against", &config.settings.against)
+        .repeat("fit", &config.name())
         .strings("parameter", rows.iter().map(|r| r.0))
         .strings("term", rows.iter().map(|r| r.1))
         .strings("other", rows.iter().map(|r| r.2))
@@ -240,6 +241,7 @@ fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
         .repeat("model", &settings.estimate)
         .strings("parameter", lines.iter().map(|l| l.parameter))
         .repeat("against", &settings.against)
+        .repeat("fit", &config.name())
         .strings("unit", lines.iter().map(|l| l.unit))
         .repeat("unit_x", &config.unit_x)
         .f64("slope", number(|f| f.slope))
@@ -272,6 +274,7 @@ fn bands(config: &Config, lines: &[Line]) -> Result<Table> {
         .repeat("model", &config.settings.estimate)
         .strings("parameter", rows.iter().map(|(parameter, _)| parameter))
         .repeat("against", &config.settings.against)
+        .repeat("fit", &config.name())
         .f64("x", column(|b| b.x))
         .f64("value", column(|b| b.value))
         .f64("pointwise_lower", column(|b| b.pointwise.0))
