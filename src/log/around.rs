@@ -13,6 +13,10 @@ const ROOM: f64 = 1.02;
 const ERRORS: usize = 1000;
 /// So many long steps are gaps, or errors.
 const FEW: u64 = 3;
+/// An angle that goes round moves between two samples no faster than so many times what it does in all but
+/// one of a hundred; and, whatever that is, by this share of a turn.
+const FASTER: f64 = 10.0;
+const LITTLE: f64 = 0.05;
 
 /// A whole turn of an angle, in SI.
 pub(super) fn turn(signal: &SignalMap) -> Option<f64> {
@@ -28,8 +32,45 @@ pub(super) fn around(name: &str, signal: &SignalMap, samples: &mut [(i64, f64)])
     if spread(samples) > ROOM * turn {
         return steps_far(name, signal, turn, samples);
     }
-    let turns = round::unroll(samples, turn);
-    (turns > 0).then(|| goes_round(name, signal, turns))
+    let rate = FASTER * usual_rate(samples, turn);
+    let moves = |a: i64, b: i64, step: f64| step <= (rate * seconds(a, b)).max(LITTLE * turn);
+    let [turns, jumps] = round::unroll(samples, turn, moves);
+    match (turns, jumps) {
+        (0, 0) => None,
+        (_, 0) => Some(goes_round(name, signal, turns)),
+        _ => Some(jumps_far(name, signal, jumps)),
+    }
+}
+
+/// Seconds between two stamps.
+fn seconds(a: i64, b: i64) -> f64 {
+    (b - a) as f64 * 1e-9
+}
+
+/// The rate that an angle does not exceed in 99 of 100 steps, whole turns apart.
+fn usual_rate(samples: &[(i64, f64)], turn: f64) -> f64 {
+    let rate = |pair: &[(i64, f64)]| {
+        let step = (pair[1].1 - pair[0].1).abs();
+        let shorter = if round::beyond(step, turn) == 0.0 { step } else { (step - turn).abs() };
+        shorter / seconds(pair[0].0, pair[1].0)
+    };
+    let all = samples.windows(2).filter(|pair| pair[1].0 > pair[0].0).map(rate);
+    let mut rates: Vec<f64> = all.filter(|rate| rate.is_finite()).collect();
+    if rates.is_empty() {
+        return 0.0;
+    }
+    let at = (rates.len() - 1) * 99 / 100;
+    *rates.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// What is said of an angle that steps by nearly a turn where it cannot have gone round.
+fn jumps_far(name: &str, signal: &SignalMap, jumps: u64) -> Note {
+    let times = if jumps == 1 { "once".to_string() } else { format!("{jumps} times") };
+    let text = format!(
+        "{} {}: steps by nearly a whole turn {times}, further than it moves anywhere else, whichever way round: these numbers stay as they are; `range` in the channel map drops what cannot be",
+        signal.topic, signal.field
+    );
+    Note::warning(name, jumps, text)
 }
 
 /// From the least to the largest value.

@@ -124,3 +124,13 @@ fn a_heading_that_covers_the_whole_turn_goes_on_beyond_it() {
     assert!(said.iter().any(|text| text.contains("a whole turn 2 times")), "{said:?}");
     assert!(values.windows(2).all(|w| (w[1] - w[0]).abs() < 0.05));
 }
+
+#[test]
+fn fault_a_step_of_nearly_a_turn_that_no_motion_explains_keeps_its_numbers_and_is_told_of() {
+    let elevator =
+        |k: i32| if (100..130).contains(&k) { 5.0 } else { 0.05 * libm::sin(0.1 * f64::from(k)) };
+    let logged: Vec<f64> = (0..300).map(elevator).collect();
+    let (said, values) = angle("rad", &logged);
+    assert_eq!(values, logged);
+    assert!(said.iter().any(|text| text.contains("nearly a whole turn 2 times")), "{said:?}");
+}
