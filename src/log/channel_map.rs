@@ -73,8 +73,9 @@ pub struct SignalMap {
     #[serde(default)]
     pub offset: f64,
     /// Known latency in s, from the physical event to the time stamp: subtracted from the time
-    /// stamp.
+    /// stamp. At most 10 s either way.
     #[serde(default)]
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub delay: f64,
     /// Which time stamp counts, if another than in [defaults].
     pub time: Option<String>,
@@ -91,7 +92,11 @@ pub struct SignalMap {
     /// What becomes of single samples that stand far out of both neighbours, as nothing else in the
     /// signal does: "drop" (they are counted, and told) or "keep". Default "drop".
     #[serde(default)]
-    pub spikes: Spikes,
+    pub spikes: Wrong,
+    /// What becomes of the samples of a sensor that stands still although it flickered until then: "drop"
+    /// (they are counted, and told) or "keep". Default "drop".
+    #[serde(default)]
+    pub still: Wrong,
     /// Whether a log may lack it: that log then is one without a sample of this signal, which is
     /// noted, instead of a mistake.
     #[serde(default)]
@@ -101,10 +106,10 @@ pub struct SignalMap {
     pub doc: String,
 }
 
-/// What becomes of single samples that stand far out of both neighbours.
+/// What becomes of samples that cannot be right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Spikes {
+pub enum Wrong {
     #[default]
     Drop,
     Keep,

@@ -79,6 +79,16 @@ pub(super) fn set_back(name: &str, a: &Account, twice: &[Back]) -> Option<Note> 
     Some(Note::warning(name, a.dropped_twice, text))
 }
 
+/// What is said of a sensor that stood still.
+pub(super) fn stood_still(name: &str, a: &Account) -> Note {
+    let [from, to] = a.still.unwrap_or([f64::NAN; 2]);
+    let text = format!(
+        "{} {}: stands still from {from:.1} to {to:.1} s although it flickered until then, as a live sensor does: {} samples are dropped (still = \"keep\" in the channel map keeps them)",
+        a.topic, a.field, a.dropped_still
+    );
+    Note::warning(name, a.dropped_still, text)
+}
+
 /// Spikes that a note tells one by one.
 const TOLD: usize = 3;
 

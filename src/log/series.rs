@@ -38,6 +38,10 @@ pub struct Account {
     pub dropped_out_of_range: u64,
     /// Samples dropped because each stands far out of both neighbours.
     pub dropped_spikes: u64,
+    /// Samples dropped because the sensor stands still.
+    pub dropped_still: u64,
+    /// From when to when it does, s, kept or dropped.
+    pub still: Option<[f64; 2]>,
     /// Samples dropped because their stamps are more than a day from the others, in a time that came
     /// twice as the clock was set back, or of the clock that gave few of two.
     pub dropped_times: u64,

@@ -2,7 +2,7 @@
 //! account and notes out.
 
 use super::around::{around, turn};
-use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero};
+use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero, Wrong};
 use super::clocks;
 use super::decode::{is_damaged, is_unreadable};
 use super::file::LogFile;
@@ -15,7 +15,7 @@ use super::series::{
 use super::{Note, agree, said, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
-use crate::signal::spikes;
+use crate::signal::{spikes, still};
 use crate::units::Unit;
 
 /// Time stamps, ns since the flight's zero; `None` where a message has none.
@@ -96,6 +96,7 @@ impl Context<'_> {
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
         let turns = around(name, signal, &mut samples);
+        let still = drop_still(signal, &mut samples, &mut account);
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
             value: samples.iter().map(|s| s.1).collect(),
@@ -106,6 +107,7 @@ impl Context<'_> {
         notes.extend(said::another_clock(name, &account, &clocks));
         notes.extend(said::set_back(name, &account, &twice));
         notes.extend(said::told(name, signal, &unit, &left_out));
+        notes.extend(still.then(|| said::stood_still(name, &account)));
         notes.extend(turns);
         notes.extend(signal.trend.and_then(|trend| said::against(name, signal, trend, &series)));
         Ok((SignalLog { series, account, left_out }, notes))
@@ -265,7 +267,7 @@ fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Acc
     let mut fates: Vec<Fate> = samples.iter().map(fate).collect();
     let inside: Vec<usize> = (0..samples.len()).filter(|&k| fates[k] == Fate::Kept).collect();
     account.dropped_out_of_range = (samples.len() - inside.len()) as u64;
-    if signal.spikes != Spikes::Keep {
+    if signal.spikes != Wrong::Keep {
         let (t, y): (Vec<i64>, Vec<f64>) = inside.iter().map(|&k| samples[k]).unzip();
         let found = spikes::found(&t, &y, turn(signal));
         account.dropped_spikes = found.len() as u64;
@@ -277,6 +279,21 @@ fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Acc
         samples.retain(|_| fates.next() == Some(&Fate::Kept));
     }
     seen
+}
+
+/// Finds where a sensor stands still, and drops what it repeats there; whether it did. The first sample of
+/// that time is one like those before.
+fn drop_still(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Account) -> bool {
+    let (t, y): (Vec<f64>, Vec<f64>) =
+        samples.iter().map(|s| (seconds(s.0) - signal.delay, s.1)).unzip();
+    let Some(run) = still::longest(&t, &y) else { return false };
+    account.still = Some([t[run.start], t[run.end - 1]]);
+    if signal.still == Wrong::Keep {
+        return false;
+    }
+    account.dropped_still = (run.len() - 1) as u64;
+    samples.drain(run.start + 1..run.end);
+    true
 }
 
 /// The fields of a topic that a map can name.

@@ -31,7 +31,7 @@ pub const NOTES: Section = Section {
 };
 
 /// Counts of what was lost, with the words for them.
-const DROPPED: [(&str, &str); 8] = [
+const DROPPED: [(&str, &str); 9] = [
     ("dropped_duplicate", "duplicate"),
     ("dropped_out_of_order", "out of order"),
     (REORDERED, "reordered"),
@@ -39,6 +39,7 @@ const DROPPED: [(&str, &str); 8] = [
     ("dropped_unreadable", "unreadable"),
     ("dropped_out_of_range", "out of range"),
     ("dropped_spikes", "spikes"),
+    ("dropped_still", "standing still"),
     ("dropped_times", "wrong times"),
 ];
 /// Put in order again, and not lost.

@@ -28,6 +28,7 @@ pub fn summary(
     let channels = channels?;
     let estimated = estimated(segments, responses);
     let (mut bad, mut odd, mut idle) = (Vec::new(), Vec::new(), Vec::new());
+    let mut dropped = Vec::new();
     for row in (0..channels.rows()).filter(|&row| channels.number("still_to_s", row).is_finite()) {
         let (flight, signal) = (channels.text("flight", row), channels.text("signal", row));
         let (from, to) = (channels.number("still_from_s", row), channels.number("still_to_s", row));
@@ -41,6 +42,7 @@ pub fn summary(
         let when =
             format!("{flight} {signal} (from {} s for {} s", plain(from, 1), plain(to - from, 1));
         match (stands, touched) {
+            _ if channels.number("dropped_still", row) > 0.0 => dropped.push(format!("{when})")),
             (0, 0) => idle.push(format!("{when})")),
             (0, n) => odd.push(format!("{when}, less than a tenth of {})", count(n, "maneuver"))),
             (n, _) => bad.push(format!("{when}, a tenth or more of {})", count(n, "maneuver"))),
@@ -52,12 +54,12 @@ pub fn summary(
     let sentences = [
         told(&bad, "Sensors that stand still in what is estimated"),
         told(&odd, "Sensors that stand still for a small part of what is estimated"),
+        told(&dropped, "Sensors that stood still, and are left out there"),
         told(&idle, "Sensors that stand still where nothing is estimated"),
     ];
-    let level = [(&bad, Level::Bad), (&odd, Level::Warn), (&idle, Level::Info)]
-        .into_iter()
-        .find(|(names, _)| !names.is_empty())?
-        .1;
+    let all =
+        [(&bad, Level::Bad), (&odd, Level::Warn), (&dropped, Level::Warn), (&idle, Level::Info)];
+    let level = all.into_iter().find(|(names, _)| !names.is_empty())?.1;
     Some((level, sentences.into_iter().flatten().collect::<Vec<_>>().join(" ")))
 }
 
@@ -128,6 +130,7 @@ mod tests {
             "dropped_unreadable",
             "dropped_out_of_range",
             "dropped_spikes",
+            "dropped_still",
             "dropped_times",
         ]
         .into_iter()

@@ -288,6 +288,7 @@ fn channels() -> Table {
         .i64("dropped_unreadable", vec![0; n])
         .i64("dropped_out_of_range", vec![0; n])
         .i64("dropped_spikes", vec![0; n])
+        .i64("dropped_still", vec![0; n])
         .i64("dropped_times", vec![0; n])
         .f64(
             "longest_gap_s",

@@ -27,8 +27,9 @@ pub const STAGE: Stage = Stage {
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// What the chunks of all logs may take at a time, as they stand in the log and decompressed, over all threads, MiB. A
-    /// larger chunk is left out, and a note says so. Default 1024.
+    /// larger chunk is left out, and a note says so. Default 1024, at most 1048576 (a TiB).
     #[serde(default = "chunk_memory")]
+    #[schemars(range(max = 1048576))]
     pub chunk_memory_mib: u64,
 }
 
@@ -133,8 +134,7 @@ fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> 
         |of: fn(&log::Account) -> u64| accounts.iter().map(|a| of(a) as i64).collect::<Vec<i64>>();
     let number =
         |of: fn(&log::Account) -> f64| accounts.iter().map(|a| of(a)).collect::<Vec<f64>>();
-    let still: Vec<[f64; 2]> =
-        order.iter().map(|name| still(&flight.signals[*name].series)).collect();
+    let still: Vec<[f64; 2]> = accounts.iter().map(|a| a.still.unwrap_or([f64::NAN; 2])).collect();
     Table::build("channels")
         .repeat("flight", id)
         .strings("signal", &order)
@@ -150,6 +150,7 @@ fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> 
         .i64("dropped_unreadable", count(|a| a.dropped_unreadable))
         .i64("dropped_out_of_range", count(|a| a.dropped_out_of_range))
         .i64("dropped_spikes", count(|a| a.dropped_spikes))
+        .i64("dropped_still", count(|a| a.dropped_still))
         .i64("dropped_times", count(|a| a.dropped_times))
         .f64("longest_gap_s", number(|a| if a.count > 1 { a.longest_gap_s } else { f64::NAN }))
         .f64("t_first_s", number(|a| a.t_first_s))
@@ -159,10 +160,4 @@ fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> 
         .f64("min", number(|a| a.min))
         .f64("max", number(|a| a.max))
         .finish()
-}
-
-/// From when to when a signal stands still that flickered before; NaN where it does not.
-fn still(series: &log::Series) -> [f64; 2] {
-    let run = crate::signal::still::longest(&series.t_s, &series.value);
-    run.map_or([f64::NAN; 2], |run| [series.t_s[run.start], series.t_s[run.end - 1]])
 }
