@@ -8,6 +8,7 @@ mod diagnose;
 mod diff;
 mod flights;
 mod lacking;
+mod left;
 mod lineage;
 mod machines;
 mod progress;
@@ -30,6 +31,7 @@ use crate::pipeline::Limits;
 use args::{Cli, Form, PipelineArgs, Verb};
 use clap::Parser;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 use words::{End, document, note, print_errors, shown, tell};
@@ -53,9 +55,12 @@ pub fn main_with(
     let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(e) => {
-            // A closed pipe is no reason to complain about help that nobody reads.
-            let _ = e.print();
-            return if e.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
+            let printed = e.print();
+            if e.use_stderr() {
+                return ExitCode::from(FAILED);
+            }
+            words::written(printed.and_then(|()| std::io::stdout().flush()));
+            return heard(ExitCode::SUCCESS);
         }
     };
     cli.volume().set();
@@ -65,16 +70,27 @@ pub fn main_with(
         true => cluster::hand_over(&args).map_err(Errors::from),
         false => dispatch(cli.verb, engines).map(|end| ExitCode::from(end.code())),
     };
-    match ended {
-        Ok(code) => code,
-        Err(errors) => {
-            print_errors(&errors);
-            if is_json {
-                let answer = serde_json::json!({ "errors": errors, "exit_code": FAILED });
-                document(&answer).unwrap_or_else(|e| print_errors(&e));
-            }
+    heard(ended.unwrap_or_else(|errors| failed(&errors, is_json)))
+}
+
+/// Says why nothing could be done.
+fn failed(errors: &Errors, is_json: bool) -> ExitCode {
+    print_errors(errors);
+    if is_json {
+        let answer = serde_json::json!({ "errors": errors, "exit_code": FAILED });
+        document(&answer).unwrap_or_else(|e| print_errors(&e));
+    }
+    ExitCode::from(FAILED)
+}
+
+/// How a command ends that would end like this: as failed where what it had to say could not be written.
+fn heard(code: ExitCode) -> ExitCode {
+    match words::unsaid() {
+        Some(error) => {
+            print_errors(&error.into());
             ExitCode::from(FAILED)
         }
+        None => code,
     }
 }
 

@@ -101,7 +101,7 @@ fn said(seen: &Summaries) {
     seen.remarks.iter().for_each(|remark| note(&remark.to_string()));
     if !seen.without.is_empty() {
         note(&format!(
-            "not checked before they are read, because they have no summary section at their end (cut off, or their recorder \
+            "not checked before they are read, because they have no sound summary section at their end (cut off, or their recorder \
              writes none): {}",
             config::list(&seen.without)
         ));

@@ -73,6 +73,7 @@ fn answer(plan: &Plan, store: &Store, limits: &Limits) -> Result<Answer, Errors>
     let taken: Vec<Taken> = plan.sources.iter().map(taken).collect::<Result<_, Errors>>()?;
     let states = pipeline::status_within(plan, store, limits)?;
     let gone = pipeline::gone(plan, store).into_iter();
+    let flights = &plan.campaign.flights;
     let of_all =
         |count: fn(&[Assessment]) -> usize| states.iter().map(|(_, all)| count(all)).sum::<usize>();
     Ok(Answer {
@@ -82,7 +83,7 @@ fn answer(plan: &Plan, store: &Store, limits: &Limits) -> Result<Answer, Errors>
         taken,
         units: states
             .iter()
-            .flat_map(|(stage, all)| all.iter().map(|a| state(stage.name, a)))
+            .flat_map(|(stage, all)| all.iter().map(|a| state(stage.name, a, flights)))
             .collect(),
         gone: gone
             .map(|record| Gone { stage: record.stage.clone(), unit: record.unit.clone() })
@@ -114,11 +115,11 @@ fn may_run(all: &[Assessment]) -> usize {
     all.iter().filter(|a| matches!(a.state, State::Waits(_))).count()
 }
 
-fn state(stage: &'static str, a: &Assessment) -> UnitState {
+fn state(stage: &'static str, a: &Assessment, flights: &[String]) -> UnitState {
     let (state, reasons) = match &a.state {
         State::Fresh => ("fresh", Vec::new()),
         State::New => ("missing", vec!["never run".to_string()]),
-        State::Stale(reasons) => ("stale", reasons.iter().map(ToString::to_string).collect()),
+        State::Stale(reasons) => ("stale", pipeline::causes(reasons, flights)),
         State::Waits(reasons) => ("stale", reasons.clone()),
         State::Failed(why) => ("stale", vec![why.clone()]),
         State::Blocked(what) => ("blocked", vec![what.clone()]),

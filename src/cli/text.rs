@@ -37,12 +37,15 @@ What is in them (docs/tables.md):
 What is said:
   --quiet says answers, warnings and errors alone, --verbose each unit of work as well. With --json standard output is one JSON document
   and nothing else; what could not be done is in its `errors`, and always on standard error. NO_COLOR=1 takes the colours away.
+  Where standard error is no terminal, a run of more than some seconds says about every ten on it how far the stage is that runs, and what of
+  it is left; on a terminal the bar does. --quiet says neither.
 
 Exit codes:
   0  everything asked for is there
   1  the run ended, and something asked for is missing (it is named on the screen and in the table `notes`), or the report calls
      something a problem (it is printed as well); files are not as they were recorded (verify); two runs differ (diff)
-  2  nothing could be done: a mistake in the command, the configuration, or the output folder; no log has what the channel map names
+  2  nothing could be done: a mistake in the command, the configuration, or the output folder; no log has what the channel map names;
+     or standard output could not be written, on a full disk for example (a reader who closes the pipe, as `head` does, is no failure)
   3  a diagnosis found that a model lacks something";
 
 pub const RUN: &str = "\

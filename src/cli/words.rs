@@ -3,6 +3,8 @@
 
 use crate::error::{Error, Errors};
 use std::borrow::Cow;
+use std::io::{self, Write};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// How much is said besides answers, warnings and errors.
@@ -105,16 +107,46 @@ pub fn detail(line: &str) {
     }
 }
 
-/// Prints an answer to standard output, however quiet; a reader who has closed the pipe wants no more.
+/// Prints an answer to standard output, however quiet. Where it cannot be written the work goes on,
+/// and `unsaid` tells it at the end.
 pub fn say(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "{}", plain(line));
+    written(said(&mut io::stdout().lock(), line));
+}
+
+/// Writes a line, all the way to where it goes.
+fn said(out: &mut impl Write, line: &str) -> io::Result<()> {
+    writeln!(out, "{}", plain(line))?;
+    out.flush()
+}
+
+// Why an answer could not be written, the first time: every verb would have to hand it on otherwise.
+static UNSAID: OnceLock<String> = OnceLock::new();
+
+/// Takes note of what became of a write to standard output.
+pub fn written(result: io::Result<()>) {
+    if let Some(why) = result.err().as_ref().and_then(lost) {
+        // Only the first is of interest: the others follow from it.
+        let _ = UNSAID.set(why);
+    }
+}
+
+/// Why a write lost an answer, in the words of the system; none where a reader has closed the pipe, who
+/// wants no more.
+fn lost(e: &io::Error) -> Option<String> {
+    let text = e.to_string();
+    let words = text.split(" (os error").next().unwrap_or_default().to_string();
+    (e.kind() != io::ErrorKind::BrokenPipe).then_some(words)
+}
+
+/// The error of a command whose answers are not where they were to go; none where they are.
+pub fn unsaid() -> Option<Error> {
+    let why = UNSAID.get()?;
+    Some(Error::new(format!("standard output could not be written: {why}")))
 }
 
 /// Prints a line to standard error; where nobody can read it, the work goes on.
 pub fn aside(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "{}", plain(line));
+    let _ = writeln!(io::stderr(), "{}", plain(line));
 }
 
 /// Text without what a terminal would obey: names that came out of a log or a file may hold anything.
@@ -151,5 +183,15 @@ mod tests {
         assert_eq!(plain("a\u{202e}b"), "a\\u{202e}b");
         let sound = "flight-1:\tα = 3°\n    help";
         assert!(matches!(plain(sound), Cow::Borrowed(text) if text == sound));
+    }
+
+    #[test]
+    fn fault_an_answer_is_lost_on_a_full_disk_and_not_on_a_closed_pipe() {
+        let full = io::Error::from_raw_os_error(28);
+        assert!(!lost(&full).expect("a full disk").contains("os error"));
+        assert_eq!(lost(&io::ErrorKind::BrokenPipe.into()), None);
+        // What stays in a buffer is not written yet.
+        let mut small = [0u8; 3];
+        assert!(said(&mut io::BufWriter::new(&mut small[..]), "an answer").is_err());
     }
 }

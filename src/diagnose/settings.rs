@@ -20,15 +20,18 @@ pub struct Settings {
     /// length, s (at most 48 of them): shorter than what is flown in them, so that those held out
     /// see a part of it.
     pub block_s: f64,
-    /// Surrogate campaigns in which nothing is missing.
+    /// Surrogate campaigns in which nothing is missing; at most 100000.
+    #[schemars(range(max = 100000))]
     pub surrogates: usize,
     /// Seed of the surrogates' random numbers.
     pub seed: u64,
     /// Share of the surrogate campaigns whose best candidate stays below what a real one must gain.
     pub quantile: f64,
-    /// Candidates refitted in full, at most.
+    /// Candidates refitted in full, at most (at most 10000).
+    #[schemars(range(max = 10000))]
     pub refits: usize,
-    /// Effects added one after the other, at most.
+    /// Effects added one after the other, at most (at most 100).
+    #[schemars(range(max = 100))]
     pub effects: usize,
     /// A held-out maneuver decides where the effect predicts a gain in log-likelihood above this.
     pub decisive: f64,

@@ -46,7 +46,8 @@ pub struct Settings {
     pub start: StartFrom,
     /// Of `by = "equation error"` and of `start = "equation error"`: the window, s, over which both
     /// sides of an equation are smoothed, or the rate of a state is taken (at least five points of the
-    /// grid). Longer keeps noise out, shorter what inputs do fast.
+    /// grid). Longer keeps noise out, shorter what inputs do fast. At most a minute.
+    #[schemars(range(max = 60.0))]
     pub smoothing_s: f64,
     /// States whose initial value is estimated, one value per segment; all others begin where the
     /// model says.
@@ -92,7 +93,8 @@ pub struct Settings {
     /// square root of its information (the slope of the likelihood per standard deviation that the
     /// parameter would have alone); 0 asks for nothing.
     pub gradient_tolerance: f64,
-    /// Iterations after which the estimation ends as "iteration limit".
+    /// Iterations after which the estimation ends as "iteration limit"; at most 100000.
+    #[schemars(range(max = 100000))]
     pub max_iterations: usize,
     /// How the model's rates are evaluated: "auto" (machine code where the work is worth making
     /// it), "interpreter", "native". The results are the same to the bit.
@@ -105,7 +107,8 @@ pub struct Settings {
     pub max_halvings: usize,
     /// Use the priors (`sd`) of the model's parameters.
     pub priors: bool,
-    /// Highest order of the autoregressive model of the residuals of one output.
+    /// Highest order of the autoregressive model of the residuals of one output; at most 1000.
+    #[schemars(range(max = 1000))]
     pub max_ar_order: usize,
     /// How that order is chosen.
     pub ar_order: OrderCriterion,
@@ -115,6 +118,7 @@ pub struct Settings {
     /// `alpha`. Costs some ten estimations each.
     pub profile: Vec<String>,
     /// Level of these intervals, between 0 and 1.
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub profile_level: f64,
 }
 

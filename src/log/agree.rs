@@ -225,6 +225,19 @@ pub(super) fn topic_mistake(
     Some(Mistake { place, what, help })
 }
 
+/// A topic that may be that of channels which a log does not name, because their records are damaged: so many
+/// messages are of such.
+pub(super) fn unnamed(mistake: Mistake, topic: &str, messages: u64) -> Mistake {
+    let [_, has] = mistake.what;
+    let what = [
+        format!("topic \"{topic}\" cannot be found in "),
+        format!(
+            ", whose channel records are damaged: {messages} messages are of channels that it does not name{has}"
+        ),
+    ];
+    Mistake { what, ..mistake }
+}
+
 /// A field that a topic does not have, the nearest names first.
 pub(super) fn no_field(topic: &str, field: &str, known: &[FieldInfo], place: Place) -> Mistake {
     let names: Vec<&str> =

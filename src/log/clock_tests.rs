@@ -58,6 +58,41 @@ fn fault_what_another_clock_gave_is_dropped_and_counted_where_it_is_little() {
 }
 
 #[test]
+fn fault_of_two_clocks_that_take_turns_the_rarer_one_is_dropped_or_the_flight_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let read_with = |is_other: &dyn Fn(usize) -> bool, by: i64| {
+        let mut messages = regular(1000);
+        for (_, log, publish, _) in messages
+            .iter_mut()
+            .enumerate()
+            .filter(|(k, _)| is_other(*k))
+            .map(|(_, message)| message)
+        {
+            *log = log.saturating_add_signed(by * 1_000_000_000);
+            *publish = *log;
+        }
+        raw(&path, "json", &messages, 4000);
+        read(&path, &one_signal("log"))
+    };
+    for by in [-5000, 5000] {
+        let block = |k: usize| (300..350).contains(&k);
+        for is_other in [&(|k: usize| k % 20 == 7) as &dyn Fn(usize) -> bool, &block] {
+            let flight = read_with(is_other, by).expect("most is of one clock");
+            let x = &flight.signals["x"];
+            assert_eq!((x.account.count, x.account.dropped_clock), (950, 50), "{by}");
+            let length = x.series.t_s[949] - x.series.t_s[0];
+            assert!((length - 9.99).abs() < 1e-6, "{length} s");
+        }
+        let e = read_with(&|k| k % 5 == 3, by).expect_err("a fifth");
+        assert!(e.contains("forth and back by") && e.contains("200 times: two clocks gave"), "{e}");
+    }
+    // a pause is none of these
+    let flight = read_with(&|k| k >= 500, 600).expect("a pause");
+    assert_eq!(flight.signals["x"].account.count, 1000);
+}
+
+#[test]
 fn stamps_in_whole_ns_are_read_to_the_ns() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.mcap");

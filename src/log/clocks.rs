@@ -1,9 +1,10 @@
-//! Times of one topic in file order in; where its clock was set back to before what it had recorded, so that
-//! two clocks gave its times, out.
+//! Times of one topic in file order in; where its clock was set back to before what it had recorded, or went
+//! forth and back, so that two clocks gave its times, out.
 //!
 //! Sorted, both would stand in one signal as if they were of one clock, the later part before the earlier
 //! one. A block of messages that come late is none of these: it adjoins what is there already.
 
+use super::astray::{Astray, astray};
 use super::series::{DAY_NS, seconds};
 use super::turned::{FEW, MOST, is_shuffled, several, usual};
 use std::ops::Range;
@@ -30,6 +31,8 @@ pub struct Two {
     pub behind: (i64, i64),
     /// The messages of the clock that gave fewer, ascending.
     pub fewer: Vec<usize>,
+    /// How often it went forth and back; 0 where it was set back, and that was all.
+    pub turns: usize,
 }
 
 impl Two {
@@ -37,10 +40,13 @@ impl Two {
     pub fn words(&self) -> String {
         let [a, b, c, d] =
             [self.others.0, self.others.1, self.behind.0, self.behind.1].map(seconds);
-        format!(
-            "the clock was set back by {:.3} s, to before what it had recorded: two clocks gave {a:.3} to {b:.3} s and {c:.3} to {d:.3} s",
-            seconds(self.by)
-        )
+        let by = seconds(self.by);
+        let how = match self.turns {
+            0 => format!("was set back by {by:.3} s, to before what it had recorded"),
+            1 => format!("went forth and back by {by:.3} s"),
+            n => format!("went forth and back by {by:.3} s, {n} times"),
+        };
+        format!("the clock {how}: two clocks gave {a:.3} to {b:.3} s and {c:.3} to {d:.3} s")
     }
 }
 
@@ -78,10 +84,13 @@ pub fn left_out(stamps: &[Option<i64>]) -> Result<Vec<Two>, String> {
     Ok(all)
 }
 
-/// Every place where a clock was set back so. What the rarer of two clocks gave is left out before the next
-/// one is looked for.
+/// Every place where a clock was set back so, or went forth and back. What the rarer of two clocks gave is left
+/// out before the next one is looked for.
 pub fn two_clocks(times: &[i64]) -> Vec<Two> {
-    let (mut found, mut kept): (Vec<Two>, Vec<usize>) = (Vec::new(), (0..times.len()).collect());
+    let mut found = beside(times);
+    let mut is_kept = vec![true; times.len()];
+    found.iter().flat_map(|two| &two.fewer).for_each(|&k| is_kept[k] = false);
+    let mut kept: Vec<usize> = (0..times.len()).filter(|k| is_kept[*k]).collect();
     while found.len() < MOST {
         let left: Vec<i64> = kept.iter().map(|&k| times[k]).collect();
         let Some((block, by)) = set_back(&left) else { break };
@@ -99,6 +108,7 @@ pub fn two_clocks(times: &[i64]) -> Vec<Two> {
             others: span(&others),
             behind: span(&of_block),
             fewer: fewer.iter().map(|&k| kept[k]).collect(),
+            turns: 0,
         });
         let mut gone = fewer.iter().peekable();
         let mut place = 0;
@@ -109,6 +119,30 @@ pub fn two_clocks(times: &[i64]) -> Vec<Two> {
         });
     }
     found
+}
+
+/// What another clock gave beside the record, whole or message by message.
+fn beside(times: &[i64]) -> Vec<Two> {
+    if times.is_sorted() {
+        return Vec::new();
+    }
+    // one by one, two clocks step far all the time: the usual step is that of their times in order
+    let mut ordered = times.to_vec();
+    ordered.sort_unstable();
+    let Some(usual) = usual(&ordered) else { return Vec::new() };
+    let found = astray(times, APART.max(usual.saturating_mul(STEPS)));
+    found.iter().filter_map(|of| of_astray(times, of)).collect()
+}
+
+fn of_astray(times: &[i64], of: &Astray) -> Option<Two> {
+    let first = of.runs.first()?;
+    let at = if first.start == 0 { first.end } else { first.start };
+    let by = times.get(at)?.saturating_sub(*times.get(at.checked_sub(1)?)?).saturating_abs();
+    // one run at an end of the file has one step beside it, and that is back: ahead would be a pause
+    let is_at_end = first.start == 0 || first.end == times.len();
+    let turns = if of.runs.len() == 1 && is_at_end { 0 } else { of.runs.len() };
+    let fewer = of.runs.iter().cloned().flatten().collect();
+    Some(Two { at, by, others: of.record, behind: of.span, fewer, turns })
 }
 
 /// The first block of messages that another clock gave than those before it, and by how much that was set
@@ -228,7 +262,8 @@ mod tests {
             })
         };
         let (few, many) = (two_clocks(&wrong(10)), two_clocks(&wrong(40)));
-        assert!(few.len() == 15 && too_many(&few, 3000).is_none(), "{}", few.len());
+        assert_eq!((few.len(), few[0].turns, few[0].fewer.len()), (1, 15, 150));
+        assert!(too_many(&few, 3000).is_none());
         assert!(too_many(&many, 3000).is_some(), "{}", many.len());
     }
 
@@ -239,6 +274,29 @@ mod tests {
         assert_eq!(two_clocks(&times).len(), 1);
         // one that goes on beyond them: all that has no time twice is of the second clock
         let times = with(4000, |t| t[1000..].iter_mut().for_each(|t| *t -= 17 * S));
+        assert_eq!(two_clocks(&times), []);
+    }
+
+    #[test]
+    fn fault_clocks_that_take_turns_are_told_with_their_own_spans() {
+        let turns = |every: usize, by: i64| {
+            let times = with(6000, |t| t.iter_mut().skip(7).step_by(every).for_each(|t| *t += by));
+            left_out(&times.into_iter().map(Some).collect::<Vec<_>>())
+        };
+        for by in [-5000 * S, 5000 * S] {
+            let few = turns(20, by).expect("a twentieth");
+            assert_eq!((few.len(), few[0].fewer.len(), few[0].turns), (1, 300, 300));
+            let error = turns(5, by).expect_err("a fifth");
+            let by = if by < 0 { "4999.990" } else { "5000.010" };
+            assert!(error.contains(&format!("forth and back by {by} s, 1199 times")), "{error}");
+            assert!(error.contains("gave 500.000 to 559.990 s and"), "{error}");
+        }
+        // a block ahead, and a pause
+        let times = with(6000, |t| t[2000..2300].iter_mut().for_each(|t| *t += 5000 * S));
+        let found = two_clocks(&times);
+        assert_eq!((found.len(), &found[0].fewer), (1, &(2000..2300).collect::<Vec<_>>()));
+        assert!(found[0].words().contains("went forth and back by 5000.010 s: two clocks"));
+        let times = with(6000, |t| t[2000..].iter_mut().for_each(|t| *t += 600 * S));
         assert_eq!(two_clocks(&times), []);
     }
 

@@ -170,6 +170,132 @@ fn fault_what_stands_behind_the_end_and_chunks_that_stand_there_twice_are_said()
     assert_eq!((n, told(&notes, "repeat a time stamp, dropped")), (COUNT, true), "{notes:?}");
 }
 
+/// A footer that tells of no summary, with the closing magic.
+fn footer() -> Vec<u8> {
+    [&[2, 20][..], &[0; 7 + 20], mcap::MAGIC].concat()
+}
+
+#[test]
+fn fault_a_footer_inside_ends_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (bytes, chunks) = whole(&path);
+    let mut damaged = bytes.clone();
+    drop(damaged.splice(chunks[5]..chunks[5], footer()));
+    let (n, notes) = samples(&path, &damaged).unwrap();
+    assert_eq!((n, told(&notes, "1 stretches of the file are no records")), (COUNT, true));
+    assert!(told(&notes, "not where the footer says"), "{notes:?}");
+    // the summary is found all the same, so that what is lost besides is counted
+    let lost = chunks[8] + 37 + 100;
+    damaged[lost] ^= 1;
+    let (n, notes) = samples(&path, &damaged).unwrap();
+    let missing = format!("{} of {COUNT} messages that the log counts are not there", COUNT - n);
+    assert!(n < COUNT && told(&notes, &missing), "{n} {notes:?}");
+    let named = super::LogFile::summary(&path).unwrap();
+    assert!(named.is_some_and(|channels| channels.values().any(|c| c.topic == "/t")));
+}
+
+#[test]
+fn fault_a_log_behind_the_first_is_missing_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (bytes, chunks) = whole(&path);
+    let both = [&bytes[..], &bytes].concat();
+    let (n, notes) = samples(&path, &both).unwrap();
+    let at = format!("another log begins at byte {}, behind the first", bytes.len());
+    assert_eq!((n, told(&notes, &at)), (COUNT, true), "{notes:?}");
+    assert!(told(&notes, "(2000 messages) are not read"), "{notes:?}");
+    let flight = read(&path, &one_signal("log")).unwrap();
+    let is_missing = |n: &super::Note| n.severity == super::Severity::Missing;
+    assert_eq!(flight.notes.iter().filter(|n| is_missing(n)).count(), 1);
+    // the summary at the end of the file is that of the second log
+    assert!(super::LogFile::summary(&path).unwrap().is_none());
+    // behind one that was cut off
+    let cut = [&bytes[..chunks[9] + 50], &bytes].concat();
+    let (n, notes) = samples(&path, &cut).unwrap();
+    assert!(n < COUNT && told(&notes, "another log begins at byte"), "{n} {notes:?}");
+    assert!(told(&notes, "the file is cut off: its last 50 bytes"), "{notes:?}");
+}
+
+/// A log of messages outside chunks, and where the one of a number begins.
+fn unchunked(path: &Path, number: usize) -> (Vec<u8>, usize) {
+    let file = std::fs::File::create(path).unwrap();
+    let options = mcap::WriteOptions::new().use_chunks(false);
+    let mut w = options.create(std::io::BufWriter::new(file)).unwrap();
+    let channel_id = w.add_channel(0, "/t", "json", &Default::default()).unwrap();
+    for (i, (_, log_time, publish_time, text)) in regular(COUNT).into_iter().enumerate() {
+        let sequence = i as u32;
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time };
+        w.write_to_known_channel(&header, text.as_bytes()).unwrap();
+    }
+    w.finish().unwrap();
+    drop(w);
+    let bytes = std::fs::read(path).unwrap();
+    let text = format!("{{\"x\":{number},");
+    let at = bytes.windows(text.len()).position(|w| w == text.as_bytes()).unwrap();
+    (bytes, at - 9 - 22)
+}
+
+#[test]
+fn fault_behind_a_damaged_message_outside_chunks_the_next_one_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (bytes, at) = unchunked(&path, 500);
+    type Damage = (&'static str, u64, fn(&mut Vec<u8>, usize));
+    let damages: [Damage; 6] = [
+        ("footer", 1, |b, at| b[at] = 2),
+        ("a little longer", 2, |b, at| b[at + 1] ^= 0x40),
+        ("longer", 1, |b, at| b[at + 2] ^= 0x40),
+        ("beyond the end", 1, |b, at| b[at + 5] ^= 0x40),
+        ("bytes added", 1, |b, at| drop(b.splice(at + 30..at + 30, [0x5a; 50]))),
+        ("bytes lost", 2, |b, at| drop(b.drain(at + 10..at + 60))),
+    ];
+    for (name, most, damage) in damages {
+        let mut damaged = bytes.clone();
+        damage(&mut damaged, at);
+        let (n, notes) = samples(&path, &damaged).unwrap();
+        assert!(n < COUNT && n >= COUNT - most, "{name}: {n} {notes:?}");
+        assert!(told(&notes, "the first from byte"), "{name}: {notes:?}");
+        let is_missing = told(&notes, "messages that the log counts are not there");
+        // one that is there and holds bytes of nobody is unreadable
+        assert!(is_missing || name == "bytes added", "{name}: {notes:?}");
+    }
+}
+
+#[test]
+fn fault_a_count_is_held_against_the_log_whose_summary_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (mut bytes, chunks) = whole(&path);
+    // the footer says that the summary begins elsewhere, and a chunk is lost
+    let footer = bytes.len() - 37;
+    bytes[footer + 9] ^= 1;
+    bytes[chunks[5] + 100] ^= 1;
+    let (n, notes) = samples(&path, &bytes).unwrap();
+    let missing = format!("{} of {COUNT} messages that the log counts are not there", COUNT - n);
+    assert!(n < COUNT && told(&notes, &missing), "{n} {notes:?}");
+    // without the record that counts them, that is said
+    let at = bytes.len() - 37;
+    let counts = (0..at).rev().find(|k| bytes[*k..].starts_with(&[0x0b, 56, 0, 0])).unwrap();
+    bytes[counts + 9..counts + 20].fill(0xff);
+    let (_, notes) = samples(&path, &bytes).unwrap();
+    assert!(told(&notes, "the log's own count of its messages is lost"), "{notes:?}");
+}
+
+#[test]
+fn fault_a_topic_whose_channel_record_is_damaged_is_not_called_absent() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (mut bytes, _) = unchunked(&path, 0);
+    // every record of the channel: its length no longer fits its texts
+    let topic = [&2u32.to_le_bytes()[..], b"/t"].concat();
+    let found: Vec<usize> = (0..bytes.len()).filter(|k| bytes[*k..].starts_with(&topic)).collect();
+    found.iter().for_each(|k| bytes[*k + 3] = 0x7f);
+    let why = samples(&path, &bytes).unwrap_err();
+    assert!(why.contains("topic \"/t\" cannot be found in a.mcap, whose channel records"), "{why}");
+    assert!(why.contains("2000 messages are of channels that it does not name"), "{why}");
+}
+
 #[cfg(unix)]
 #[test]
 fn fault_a_pipe_a_folder_and_a_loop_of_links_are_named() {

@@ -6,9 +6,10 @@ use super::bytes::Bytes;
 use super::channel::Channel;
 use super::chunk::{Buffer, Closed, open_chunk};
 use super::counts::Counts;
-use super::layout::{Layout, Summary};
+use super::layout::Layout;
 use super::records::{Statistics, op};
 use super::source::Source;
+use super::summary::Summary;
 use super::walk::Part;
 use super::window::Window;
 use crate::error::{Error, Result};
@@ -80,7 +81,7 @@ impl LogFile {
     /// The file cannot be read, is empty or is no MCAP.
     pub fn summary(path: &Path) -> Result<Option<BTreeMap<u16, Channel>>> {
         let log = LogFile::begin(path)?;
-        let summary = Summary::of(&mut Window::of(&log.source))?;
+        let summary = Summary::ending(&mut Window::of(&log.source), log.source.size())?;
         Ok(summary.filter(Summary::is_trusted).map(|s| s.walk.data.joined()))
     }
 
@@ -163,6 +164,20 @@ impl LogFile {
             )
             .into()),
         }
+    }
+
+    /// How many messages are of channels that the log does not name.
+    ///
+    /// # Errors
+    /// The log cannot be read any more.
+    pub fn unnamed(&self) -> Result<u64> {
+        let (mut buffer, mut count) = (Buffer::default(), 0);
+        for part in 0..self.parts() {
+            self.messages(part, &mut buffer, |m| {
+                count += u64::from(!self.channels.contains_key(&m.channel));
+            })?;
+        }
+        Ok(count)
     }
 
     /// Says where the messages that were read are not as many as the log counts.

@@ -15,9 +15,9 @@ use super::parts::{PartData, TopicPlan, decode_parts};
 use super::pauses::{self, Recorded};
 use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
-use super::{Note, agree, clocks};
+use super::{Mistake, Note, agree, clocks};
 use crate::config::Doc;
-use crate::error::{Error, Errors};
+use crate::error::{Error, Errors, Place};
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -127,11 +127,8 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
     let (mut errors, mut remarks) = (Errors::default(), Vec::new());
     let mut wanted: BTreeMap<&str, Vec<(&String, &SignalMap)>> = BTreeMap::new();
     for (name, signal) in &map.signal {
-        match agree::topic_mistake(
-            &log.channels,
-            &signal.topic,
-            doc.place(&format!("signal.{name}.topic")),
-        ) {
+        let place = doc.place(&format!("signal.{name}.topic"));
+        match topic_mistake(log, &signal.topic, place)? {
             Some(mistake) if signal.optional => {
                 let why = mistake.of(&log.name()).what;
                 remarks.push(Note::warning(name, 1, format!("{name} has no sample: {why}")));
@@ -175,6 +172,17 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
     };
     let plans = wanted.into_iter().map(make).collect();
     errors.or((plans, remarks))
+}
+
+/// A topic that is not there, or cannot be decoded.
+fn topic_mistake(log: &LogFile, topic: &str, place: Place) -> Result<Option<Mistake>, Error> {
+    let Some(mistake) = agree::topic_mistake(&log.channels, topic, place) else { return Ok(None) };
+    let is_named = log.channels.values().any(|channel| channel.topic == topic);
+    // it may be there all the same, where what names it is damaged
+    Ok(Some(match if is_named { 0 } else { log.unnamed()? } {
+        0 => mistake,
+        unnamed => agree::unnamed(mistake, topic, unnamed),
+    }))
 }
 
 /// The fields of the channels: of their first messages, and of many where those lack one that the map

@@ -6,13 +6,14 @@ use super::counts::Counts;
 use super::decode::{self, FieldInfo, Prepared, Reader, is_unreadable};
 use super::file::LogFile;
 use super::series::Spacing;
-use super::{Buffer, Note, Severity, listing};
+use super::{Buffer, Note, listing};
 use crate::error::{Errors, Result};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::path::Path;
+
+pub(super) use super::shown::Short;
 
 /// What is in a log.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -48,6 +49,8 @@ pub struct TopicSurvey {
     /// Whether any message has a publish time of its own.
     pub has_publish_time: bool,
     pub fields: Vec<FieldSurvey>,
+    /// Items of lists that are not listed one by one, with `*` for their places.
+    pub items: Vec<String>,
 }
 
 /// One field of a topic.
@@ -87,9 +90,11 @@ pub fn survey(path: &Path) -> std::result::Result<Survey, Errors> {
         topics.entry(&channel.topic).or_default().push(id);
     }
     let listed = listing::throughout(&log, &log.channels.keys().copied().collect::<Vec<_>>())?;
-    let concrete = |f: &FieldInfo| !f.path.contains('*');
-    let of = |ids| listing::together(ids, &listed).into_iter().filter(concrete).collect();
-    let fields: Vec<Vec<FieldInfo>> = topics.values().map(|ids: &Vec<u16>| of(ids)).collect();
+    let one_by_one = |f: &FieldInfo| !f.path.contains('*');
+    let (fields, others): (Vec<Vec<FieldInfo>>, Vec<Vec<FieldInfo>>) = topics
+        .values()
+        .map(|ids: &Vec<u16>| listing::together(ids, &listed).into_iter().partition(one_by_one))
+        .unzip();
     let mut notes = log.notes.clone();
     let mut index: BTreeMap<u16, Source> = BTreeMap::new();
     for (topic, (name, ids)) in topics.iter().enumerate() {
@@ -120,7 +125,8 @@ pub fn survey(path: &Path) -> std::result::Result<Survey, Errors> {
     let all_times = || parts.iter().flat_map(|p| p.0.iter().flat_map(|t| t.log.iter().copied()));
     let make = |(i, (topic, ids)): (usize, (&&str, &Vec<u16>))| {
         let tallies: Vec<&Tally> = parts.iter().filter_map(|p| p.0.get(i)).collect();
-        topic_survey(&log, topic, ids, &tallies, &fields[i])
+        let items = others[i].iter().map(|f| f.path.clone()).collect();
+        TopicSurvey { items, ..topic_survey(&log, topic, ids, &tallies, &fields[i]) }
     };
     Ok(Survey {
         name: log.name(),
@@ -222,163 +228,6 @@ fn topic_survey(
         out_of_order,
         has_publish_time: tallies.iter().any(|t| t.published),
         fields: fields.iter().enumerate().map(field).collect(),
-    }
-}
-
-impl std::fmt::Display for Survey {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let length = self.end_ns.saturating_sub(self.start_ns) as f64 / 1e9;
-        writeln!(
-            f,
-            "{}: {} messages in {} topics, {} chunks, {length:.1} s{}",
-            self.name,
-            self.messages,
-            self.topics.len(),
-            self.chunks,
-            date(self.start_ns)
-        )?;
-        for note in &self.notes {
-            let word = if note.severity == Severity::Warning { "warning" } else { "note" };
-            writeln!(f, "{word}: {}", note.text)?;
-        }
-        self.topics.iter().try_for_each(|t| t.fmt(f))
-    }
-}
-
-impl std::fmt::Display for TopicSurvey {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let schema =
-            if self.schema_encoding.is_empty() { "no schema" } else { &self.schema_encoding };
-        write!(
-            f,
-            "\n{}  {} ({schema}{}{})",
-            self.topic,
-            self.message_encoding,
-            if self.schema_name.is_empty() { "" } else { " " },
-            self.schema_name
-        )?;
-        write!(f, "  {} messages", self.messages)?;
-        if self.rate_hz > 0.0 {
-            write!(f, ", {} Hz", Short(self.rate_hz))?;
-        }
-        match self.gaps {
-            0 => write!(f, ", no gaps")?,
-            n => write!(f, ", {n} gaps, the longest {:.3} s", self.longest_gap_s)?,
-        }
-        if self.out_of_order > 0 {
-            write!(f, ", {} out of order", self.out_of_order)?;
-        }
-        writeln!(f, "{}", if self.has_publish_time { ", with publish times" } else { "" })?;
-        if !self.decodable {
-            return writeln!(
-                f,
-                "    its messages cannot be decoded; supported: {}",
-                decode::supported()
-            );
-        }
-        let wide = |head: &str, of: fn(&FieldSurvey) -> &String| {
-            self.fields.iter().map(|x| of(x).chars().count()).max().unwrap_or(0).max(head.len())
-        };
-        let (path, unit) = (wide("field", |x| &x.info.path), wide("unit", |x| &x.info.unit));
-        if !self.fields.is_empty() {
-            writeln!(
-                f,
-                "    {:path$}  {:unit$}  {:>12}  {:>12}  {:>7}  about",
-                "field", "unit", "min", "max", "missing"
-            )?;
-        }
-        for x in &self.fields {
-            let mut line = format!(
-                "    {:path$}  {:unit$}  {:>12}  {:>12}  ",
-                x.info.path,
-                x.info.unit,
-                Short(x.min).to_string(),
-                Short(x.max).to_string()
-            );
-            let missing = x.nan + x.unreadable;
-            let _ = match missing {
-                0 => write!(line, "{:>7}  {}", "-", x.info.doc),
-                n => write!(line, "{n:>7}  {}", x.info.doc),
-            };
-            writeln!(f, "{}", line.trim_end())?;
-        }
-        Ok(())
-    }
-}
-
-/// A number with six significant digits at most.
-pub(super) struct Short(pub f64);
-
-impl std::fmt::Display for Short {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let x = self.0;
-        if x.is_nan() {
-            return write!(f, "-");
-        }
-        if x != 0.0 && !(1e-4..1e7).contains(&x.abs()) {
-            return write!(f, "{x:.4e}");
-        }
-        let digits = 5 - (libm::floor(libm::log10(x.abs().max(1e-4))) as i64).clamp(-4, 5);
-        let text = format!("{x:.*}", digits.max(0) as usize);
-        let text = if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.')
-        } else {
-            &text
-        };
-        write!(f, "{text}")
-    }
-}
-
-/// `, from 2025-11-13 10:20:30 UTC`, or nothing for a clock that does not count from 1970.
-fn date(ns: u64) -> String {
-    let seconds = ns / 1_000_000_000;
-    if seconds < 978_307_200 {
-        return String::new();
-    }
-    // Days since 1970 to a date of the Gregorian calendar: years counted from 1 March, 400 years
-    // have 146097 days.
-    let (days, of_day) = (seconds / 86_400 + 719_468, seconds % 86_400);
-    let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted + 2) / 5 + 1;
-    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-    let year = era * 400 + year_of_era + u64::from(month <= 2);
-    format!(
-        ", from {year}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC",
-        of_day / 3600,
-        of_day / 60 % 60,
-        of_day % 60
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        assert_eq!(date(951_782_400_000_000_000), "");
-        assert_eq!(date(1_709_210_096_000_000_000), ", from 2024-02-29 12:34:56 UTC");
-        assert_eq!(date(1_735_689_599_000_000_000), ", from 2024-12-31 23:59:59 UTC");
-    }
-
-    #[test]
-    fn numbers_are_short() {
-        let text = |x: f64| Short(x).to_string();
-        assert_eq!(
-            [
-                text(0.0),
-                text(100.0),
-                text(-0.012345678),
-                text(99.5003),
-                text(1e-9),
-                text(123456789.0),
-                text(f64::NAN)
-            ],
-            ["0", "100", "-0.0123457", "99.5003", "1.0000e-9", "1.2346e8", "-"]
-        );
+        items: Vec::new(),
     }
 }

@@ -2,11 +2,11 @@
 //! of everything that is not as it should be, out.
 
 use super::Note;
-use super::bytes::Bytes;
 use super::channel::Channel;
 use super::chunk::{Buffer, open_chunk};
 use super::records::{Definitions, Statistics, op};
 use super::source::Source;
+use super::summary::{Checksum, FARTHEST, FOOTER, Summary};
 use super::walk::{Part, Walk};
 use super::window::{Record, Window};
 use crate::error::Result;
@@ -22,60 +22,6 @@ pub(super) struct Layout {
     pub notes: Vec<Note>,
 }
 
-/// The summary section, with the footer behind it.
-pub(super) struct Summary {
-    pub walk: Walk,
-    start: usize,
-    checksum: Checksum,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Checksum {
-    None,
-    Right,
-    Wrong,
-}
-
-impl Summary {
-    /// None where the file has no footer at its end, or one that tells of no summary.
-    pub fn of(log: &mut Window) -> Result<Option<Summary>> {
-        // Footer record: operation code, length 20, three numbers; then the closing magic.
-        let Some(at) = log.size().checked_sub(29 + mcap::MAGIC.len()) else { return Ok(None) };
-        let Some((start, crc)) = footer(log.bytes(at, 29 + mcap::MAGIC.len())?) else {
-            return Ok(None);
-        };
-        if start == 0 || start >= at {
-            return Ok(None);
-        }
-        // Covers everything from the start of the summary to the checksum itself; 0: not recorded.
-        let checksum = match crc {
-            0 => Checksum::None,
-            crc if log.source().checksum(start, at + 25)? == crc => Checksum::Right,
-            _ => Checksum::Wrong,
-        };
-        Ok(Some(Summary { walk: Walk::summary(log, start)?, start, checksum }))
-    }
-
-    /// Whether it is as it was written, as far as can be seen, and names channels.
-    pub fn is_trusted(&self) -> bool {
-        self.is_sound() && !self.walk.data.is_empty()
-    }
-
-    fn is_sound(&self) -> bool {
-        let intact = self.walk.whole && self.walk.damage.is_empty();
-        intact && self.checksum != Checksum::Wrong
-    }
-}
-
-/// Where the summary starts and its checksum, from a footer with the closing magic.
-fn footer(bytes: &[u8]) -> Option<(usize, u32)> {
-    let mut b = Bytes(bytes.strip_suffix(mcap::MAGIC)?);
-    let (code, length) = (b.u8()?, b.u64()?);
-    let (start, _) = (usize::try_from(b.u64()?).ok()?, b.u64()?);
-    let crc = b.u32()?;
-    (code == op::FOOTER && length == 20).then_some((start, crc))
-}
-
 impl Layout {
     /// Walks the records of a file, over damage if there is any.
     ///
@@ -84,13 +30,23 @@ impl Layout {
     pub fn of(source: &Source) -> Result<Layout> {
         let log = &mut Window::of(source);
         let mut notes = Vec::new();
-        let summary = Summary::of(log)?;
-        let indexed = summary.as_ref().map_or(&[][..], |s| &s.walk.indexed);
         let mut walk = Walk::default();
         walk.records(log, mcap::MAGIC.len())?;
+        let mut summary = Summary::ending(log, ending(log.size(), &walk))?;
+        let known = summary.as_ref().filter(|s| s.is_sound()).map(|s| (s.start, &s.walk.data));
+        walk.resume(log, known, summary.as_ref().map_or(&[], |s| &s.walk.indexed))?;
+        let end = ending(log.size(), &walk);
+        if end < log.size() {
+            summary = Summary::ending(log, end)?;
+        }
+        let indexed = summary.as_ref().map_or(&[][..], |s| &s.walk.indexed);
         let sound = summary.as_ref().is_some_and(Summary::is_sound);
-        walk.resume(log, summary.as_ref().filter(|_| sound).map(|s| s.start), indexed)?;
-        notes.extend(end(log.size(), &walk, summary.as_ref()));
+        let statistics = match summary.as_ref().filter(|_| sound) {
+            Some(summary) => summary.walk.statistics.clone(),
+            None => counted(log, &walk, end)?,
+        };
+        notes.extend(at_end(end, &walk, summary.as_ref(), statistics.is_some()));
+        notes.extend(behind(log, &walk, end)?);
         let named: BTreeSet<usize> = indexed.iter().map(|i| i.0.saturating_add(9)).collect();
         let outside = |p: &&Part| matches!(p, Part::Chunk(chunk) if !named.contains(&chunk.start));
         let outside = walk.parts.iter().filter(outside).count() as u64;
@@ -103,13 +59,17 @@ impl Layout {
         let met = walk.imported.drain(..).map(|text| format!("at its import: {text}"));
         notes.extend(met.map(|text| Note::warning("file", 1, text)));
         let trusted = summary.as_ref().is_some_and(Summary::is_trusted);
-        let statistics = summary.as_ref().filter(|_| sound).and_then(|s| s.walk.statistics.clone());
         let mut defined = std::mem::take(&mut walk.data);
         match summary {
             Some(summary) if trusted => defined.extend(summary.walk.data),
             _ => of_chunks(source, walk.chunks(), &mut defined)?,
         }
-        Ok(Layout { parts: walk.parts, channels: defined.joined(), statistics, notes })
+        let channels = defined.joined();
+        // what is not of a sound summary counts where its channels are those that are there
+        let known = |s: &Statistics| s.messages.keys().all(|id| channels.contains_key(id));
+        let fits = |s: &Statistics| sound || (!s.messages.is_empty() && known(s));
+        let statistics = statistics.filter(fits);
+        Ok(Layout { parts: walk.parts, channels, statistics, notes })
     }
 }
 
@@ -130,9 +90,36 @@ fn of_chunks(
     Ok(())
 }
 
-/// What is wrong with the end of the file.
-fn end(size: usize, walk: &Walk, summary: Option<&Summary>) -> Option<Note> {
-    let lost = size - walk.end;
+/// Where the log ends.
+fn ending(size: usize, walk: &Walk) -> usize {
+    match walk.second {
+        Some(second) => second,
+        None if walk.whole => (walk.end + FOOTER).min(size),
+        None => size,
+    }
+}
+
+/// What a log counts itself, where its summary is not sound: the record may be, wherever it stands.
+fn counted(log: &mut Window, walk: &Walk, end: usize) -> Result<Option<Statistics>> {
+    let mut from = end.saturating_sub(FARTHEST);
+    while let Some(here) = log.find(op::STATISTICS, from, end)? {
+        from = here + 1;
+        let Some(record) = log.record(here)?.filter(|r| r.length() <= MOST_COUNTED) else {
+            continue;
+        };
+        if let Some(found) = log.body(record)?.and_then(Statistics::surely) {
+            return Ok(Some(found));
+        }
+    }
+    Ok(walk.statistics.clone())
+}
+
+/// Bytes of a statistics record with counts of every channel that there may be.
+const MOST_COUNTED: usize = 1 << 20;
+
+/// What is wrong with the end of the log.
+fn at_end(end: usize, walk: &Walk, summary: Option<&Summary>, is_counted: bool) -> Option<Note> {
+    let lost = end - walk.end.min(end);
     let text = match summary {
         Some(s) if s.checksum == Checksum::Wrong => {
             "the summary's checksum does not match: channels are taken from the chunks".to_string()
@@ -140,17 +127,43 @@ fn end(size: usize, walk: &Walk, summary: Option<&Summary>) -> Option<Note> {
         Some(s) if !s.is_sound() => {
             "the summary is damaged: channels are taken from the chunks".to_string()
         }
+        Some(s) if s.is_moved => format!(
+            "the summary stands at byte {}, not where the footer says: bytes in front of it were lost or added",
+            s.start
+        ),
         None if !walk.whole => format!(
             "the file is cut off: its last {lost} bytes (from byte {}) are no complete record; what stands before them is used",
             walk.end
         ),
-        // Footer and magic take 37 bytes.
-        None if lost > 37 => {
-            format!("{} bytes behind the end of the log are not read", lost - 37)
-        }
         _ => return None,
     };
-    Some(Note::warning("file", 1, text))
+    let counted = match is_counted {
+        true => "",
+        false => "; the log's own count of its messages is lost, so that none is held against it",
+    };
+    Some(Note::warning("file", 1, text + counted))
+}
+
+/// What stands behind the end of the log. Another log is more than a warning: what was recorded in it is
+/// not there.
+fn behind(log: &mut Window, walk: &Walk, end: usize) -> Result<Option<Note>> {
+    let bytes = log.size() - end;
+    let Some(second) = walk.second else {
+        let text = format!("{bytes} bytes behind the end of the log are not read");
+        return Ok((bytes > 0).then(|| Note::warning("file", 1, text)));
+    };
+    let mut other = Walk::default();
+    other.records(log, second + mcap::MAGIC.len())?;
+    let messages = other.statistics.map_or(0, |s| s.messages.values().sum::<u64>());
+    let of = match (messages, other.parts.len()) {
+        (0, chunks) => format!("{chunks} chunks, as far as it is sound"),
+        (messages, _) => format!("{messages} messages"),
+    };
+    let text = format!(
+        "another log begins at byte {second}, behind the first: its {bytes} bytes ({of}) are not read; make a file of each (`tail -c +{}` gives the second)",
+        second + 1
+    );
+    Ok(Some(Note::missing("file", messages.max(1), text)))
 }
 
 /// Stretches that are no records.

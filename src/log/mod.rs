@@ -3,6 +3,7 @@
 
 pub mod agree;
 mod around;
+mod astray;
 mod bytes;
 mod channel;
 pub mod channel_map;
@@ -27,16 +28,21 @@ mod parts;
 mod pauses;
 mod recorded;
 mod records;
+mod ros_units;
 mod said;
+mod search;
 mod series;
+mod shown;
 mod signal;
 mod source;
 #[cfg(test)]
 mod sources_tests;
 mod stamps;
 pub mod starter;
+mod starter_texts;
 #[cfg(test)]
 mod storm_tests;
+mod summary;
 #[cfg(test)]
 mod tests;
 mod turned;

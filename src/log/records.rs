@@ -5,7 +5,7 @@ use super::bytes::{Bytes, parse_string};
 use super::channel::Channel;
 use super::window::{Record, Window};
 use crate::error::Result;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Operation codes of records.
 pub(super) mod op {
@@ -139,6 +139,11 @@ impl Definitions {
         self.channels.extend(others.channels);
     }
 
+    /// Ids of the channels.
+    pub fn ids(&self) -> BTreeSet<u16> {
+        self.channels.keys().copied().collect()
+    }
+
     pub fn is_empty(&self) -> bool {
         self.channels.is_empty()
     }
@@ -167,7 +172,19 @@ pub(super) struct Statistics {
     pub messages: BTreeMap<u16, u64>,
 }
 
+/// Bytes of a statistics record before the counts by channel, and of one of these.
+const STATISTICS_HEAD: usize = 46;
+const STATISTICS_COUNT: usize = 10;
+
 impl Statistics {
+    /// Those of a record whose length is that of its counts, of which there are some: such a record is none
+    /// by accident.
+    pub fn surely(body: &[u8]) -> Option<Statistics> {
+        let statistics = Statistics::parse(body)?;
+        let length = STATISTICS_HEAD + STATISTICS_COUNT * statistics.messages.len();
+        (!statistics.messages.is_empty() && body.len() == length).then_some(statistics)
+    }
+
     pub fn parse(body: &[u8]) -> Option<Statistics> {
         let mut b = Bytes(body);
         let total = b.u64()?;

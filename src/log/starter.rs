@@ -2,7 +2,9 @@
 
 use super::guess::{self, Known};
 use super::inspect::{FieldSurvey, Short, Survey, TopicSurvey, survey};
+use super::ros_units;
 use super::stamps;
+use super::starter_texts::{AIRCRAFT, CHANNELS, PIPELINE};
 use crate::error::{Error, Errors};
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
@@ -116,8 +118,16 @@ fn channels(surveys: &[Survey], candidates: &[Candidate]) -> (String, usize) {
             );
         }
     }
+    let own = own_names(candidates);
+    for (c, name) in candidates.iter().zip(&own) {
+        if let Some(name) = name {
+            let _ = write!(text, "\n[signal.{name}]\n");
+            entry(&mut text, c, surveys.len(), "");
+        }
+    }
     text.push_str("\n# --- the other fields of the logs: take away the \"# \" of the ones you need, and give them a name ---\n");
-    for (i, c) in candidates.iter().filter(|c| c.known.is_none()).enumerate() {
+    let others = candidates.iter().zip(&own).filter(|(c, own)| c.known.is_none() && own.is_none());
+    for (i, (c, _)) in others.enumerate() {
         let _ = write!(text, "\n# [signal.field_{}]\n", i + 1);
         entry(&mut text, c, surveys.len(), "# ");
     }
@@ -143,7 +153,7 @@ fn entry(text: &mut String, c: &Candidate, logs: usize, comment: &str) -> bool {
     } else {
         "no sample in the log".to_string()
     };
-    let unit = guess::unit_of(&f.info);
+    let unit = unit(c);
     let (unit, why) = unit
         .as_ref()
         .map_or(("?", "COMPLETE: unit of the numbers in the log"), |(u, why)| (u.as_str(), *why));
@@ -160,6 +170,36 @@ fn entry(text: &mut String, c: &Candidate, logs: usize, comment: &str) -> bool {
     let _ = writeln!(text, "{comment}unit = {} # {why}", quote(unit));
     let _ = writeln!(text, "{comment}doc = {}", quote(doc));
     unit == "?"
+}
+
+/// The unit of a field, and where it is from: its schema, its name, or the standard that its message's type
+/// keeps to.
+fn unit(c: &Candidate) -> Option<(String, &'static str)> {
+    let info = &c.field.info;
+    let standard = || {
+        let unit = ros_units::of(&c.topic.schema_name, &info.path)?;
+        Some((unit.to_string(), "as ROS prescribes for this type (REP 103)"))
+    };
+    guess::unit_of(info).or_else(standard)
+}
+
+/// Where no field is known by its name, those with a unit are signals under names of their own, so that the
+/// log can be looked at: their paths, and the topic's too where another one has the same.
+fn own_names(candidates: &[Candidate]) -> Vec<Option<String>> {
+    let plain = |text: &str| {
+        let of = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        text.chars().map(of).collect::<String>().trim_matches('_').to_string()
+    };
+    let whole = |c: &Candidate| plain(&c.field.info.path);
+    let name = |c: &Candidate| {
+        let twice = candidates.iter().filter(|o| whole(o) == whole(c)).count() > 1;
+        let name = if twice { plain(&c.topic.topic) + "_" + &whole(c) } else { whole(c) };
+        let begins = name.starts_with(|first: char| first.is_ascii_alphabetic());
+        if begins { name } else { format!("f_{name}") }
+    };
+    let none_known = candidates.iter().all(|c| c.known.is_none());
+    let one = |c: &Candidate| (none_known && unit(c).is_some()).then(|| name(c));
+    candidates.iter().map(one).collect()
 }
 
 /// A TOML string on one line: JSON's escapes are TOML's, but for the one control character that
@@ -213,7 +253,13 @@ fn next_steps(out: &Path, candidates: &[Candidate], open: usize) -> String {
     let out = out.display();
     let recognised: Vec<&str> = candidates.iter().filter_map(|c| Some(c.known?.signal)).collect();
     let mut text = format!("{out}/ is there: pipeline.toml, channels.toml, aircraft.toml\n");
+    let own = own_names(candidates).into_iter().flatten().count();
     let _ = match recognised.is_empty() {
+        true if own > 0 => writeln!(
+            text,
+            "No field was recognised by its name; {own} whose units are known are signals under their own names, {} are comments in channels.toml.",
+            candidates.len() - own
+        ),
         true => {
             writeln!(
                 text,
@@ -250,58 +296,3 @@ fn next_steps(out: &Path, candidates: &[Candidate], open: usize) -> String {
     );
     text
 }
-
-const CHANNELS: &str = r#"# Which topic and field of a log is which signal.
-#
-# value = sign * scale * (number in SI units) + offset      at the time    stamp - delay
-# Every entry was guessed from a name: check topic, unit and sign. Complete each unit "?".
-# Signs: x forward, y right, z down; right wing down, nose up, nose right positive. Turn one round with sign = -1.
-
-"#;
-
-const PIPELINE: &str = r##"# What is done with the logs, stage by stage. Paths are relative to this file.
-title = {title}
-aircraft = "aircraft.toml"
-channels = "channels.toml"
-logs = [
-{logs}]
-
-# The uniform grid on which signals are put.
-[derive]
-rate_hz = {rate}
-
-# The report: report/index.html in the folder out/, and a page per flight.
-[report]
-
-# The flight path from the inertial sensors: signals {inputs} are needed{missing}, and it is compared
-# with whatever there is of {outputs}. It wants the sensors' places in aircraft.toml. Take away the "# " of these lines:
-# [reconstruct]
-#
-# [reconstruct.method]
-# by = "smoother"
-
-# Maneuvers, estimates and fits come next: see the pipelines that come with the program for complete examples, and
-# `koehler schema pipeline` for every key.
-"##;
-
-const AIRCRAFT: &str = r#"# Constants of the aircraft, by the names that the models use, in SI units. None has a default.
-# sd is the uncertainty (one standard deviation) of the value; source says where it comes from.
-#
-# m   = { value = 0.0, unit = "kg",     sd = 0.0, source = "" }    # mass
-# I_x = { value = 0.0, unit = "kg m^2", sd = 0.0, source = "" }    # moments of inertia
-# I_y = { value = 0.0, unit = "kg m^2", sd = 0.0, source = "" }
-# I_z = { value = 0.0, unit = "kg m^2", sd = 0.0, source = "" }
-# S   = { value = 0.0, unit = "m^2",    sd = 0.0, source = "" }    # wing area
-# c   = { value = 0.0, unit = "m",      sd = 0.0, source = "" }    # mean chord
-# b   = { value = 0.0, unit = "m",      sd = 0.0, source = "" }    # span
-#
-# For [reconstruct], in body axes from the centre of gravity (x forward, y right, z down):
-# x_imu   = { value = 0.0, unit = "m", sd = 0.0, source = "" }    # inertial sensors
-# y_imu   = { value = 0.0, unit = "m", sd = 0.0, source = "" }
-# z_imu   = { value = 0.0, unit = "m", sd = 0.0, source = "" }
-# x_alpha = { value = 0.0, unit = "m", sd = 0.0, source = "" }    # angle-of-attack vane
-# y_alpha = { value = 0.0, unit = "m", sd = 0.0, source = "" }
-# x_beta  = { value = 0.0, unit = "m", sd = 0.0, source = "" }    # sideslip vane
-# z_beta  = { value = 0.0, unit = "m", sd = 0.0, source = "" }
-# upwash  = { value = 0.0, unit = "-", sd = 0.0, source = "" }    # the alpha vane shows (1 + upwash) times the local angle
-"#;

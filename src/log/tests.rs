@@ -424,6 +424,15 @@ fn truth_a_real_ros2_recording_gives_what_another_reader_gives() {
     assert_eq!(at(&x.t_s), stamps);
     let elevator = &flight.signals["elevator"].series.value;
     assert_eq!((elevator[0], elevator[777]), (1318.0, 1179.0));
+    // What a campaign begins with has what ROS prescribes a unit for, and is read as it stands.
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("campaign");
+    let said = starter::run(std::slice::from_ref(&path), &out).unwrap();
+    assert!(said.contains("7 whose units are known are signals"), "{said}");
+    let map = std::fs::read_to_string(out.join("channels.toml")).unwrap();
+    let flight = read(&path, &map).unwrap();
+    assert_eq!(flight.signals.len(), 7);
+    assert_eq!(at(&flight.signals["pose_position_x"].series.value), at(&x.value));
 }
 
 #[test]

@@ -2,12 +2,14 @@
 //! are sound.
 //!
 //! Nothing is believed by its operation code alone: a chunk is what is laid out as one, a footer
-//! counts only in front of the closing magic. After damage the walk goes on at the next record that
-//! is sound, at the next chunk that can be opened, or at the summary.
+//! counts only in front of the closing magic, and ends the log only where no data follow. After damage the
+//! walk goes on at the next record that is sound, at the next chunk that can be opened, at the next message
+//! where there are messages outside chunks, or at the summary.
 
 use super::bytes::Bytes;
-use super::chunk::{self, Buffer, open_chunk};
+use super::chunk;
 use super::records::{Definitions, Statistics, imported, op, sound};
+use super::search::{Found, Loose, Search, begins, is_one, next_log, stamp, starts_soundly};
 use super::window::{Record, Window};
 use crate::error::Result;
 use std::collections::BTreeSet;
@@ -45,6 +47,8 @@ pub(super) struct Walk {
     pub unchecked: u64,
     /// The footer was reached.
     pub whole: bool,
+    /// Where another log begins behind this one.
+    pub second: Option<usize>,
     /// Where the walk stopped.
     pub end: usize,
     pub checksum: Option<(usize, u32)>,
@@ -54,23 +58,25 @@ pub(super) struct Walk {
     in_summary: bool,
     /// Where the run of sound records began.
     begun: usize,
+    /// The record before the one where the walk stopped, if it is a message outside chunks.
+    message: Option<usize>,
+    /// Log times of the first and the last of those.
+    times: Option<(u64, u64)>,
+    /// The walk stopped at a footer with its magic, behind which the file goes on.
+    ended: bool,
 }
-
-/// Chunks that are tried after damage and cannot be opened; more of them are not tried.
-const MOST_TRIED: usize = 64;
 
 impl Walk {
     /// Walks top-level records from `at` until the footer or the first thing that is no record.
     pub fn records(&mut self, log: &mut Window, mut at: usize) -> Result<()> {
-        self.begun = at;
+        (self.begun, self.ended, self.message) = (at, false, None);
         loop {
             self.end = at;
             let Some(record) = log.record(at)? else { return Ok(()) };
             let (code, next) = (record.code, record.end);
             let (is_sound, is_one) = (sound(log, record)?, is_one(log, record)?);
             if code == op::FOOTER && is_sound {
-                self.whole = true;
-                return Ok(());
+                return self.footer(log, next + mcap::MAGIC.len());
             }
             let is_chunk = code == op::CHUNK || is_one;
             if !is_sound && !is_chunk {
@@ -87,8 +93,19 @@ impl Walk {
             } else {
                 self.take(log, record, at)?;
             }
+            let is_loose = code == op::MESSAGE && is_sound && !is_chunk && !self.in_summary;
+            self.message = is_loose.then_some(at);
             at = next;
         }
+    }
+
+    /// At a footer, with what stands behind its magic: it is the end of the log where nothing does, or
+    /// where another log does.
+    fn footer(&mut self, log: &mut Window, behind: usize) -> Result<()> {
+        self.second = begins(log, behind)?.then_some(behind);
+        self.whole = behind == log.size() || self.second.is_some();
+        self.ended = !self.whole;
+        Ok(())
     }
 
     fn take_chunk(&mut self, log: &mut Window, record: Record) -> Result<()> {
@@ -101,10 +118,15 @@ impl Walk {
     fn take(&mut self, log: &mut Window, record: Record, at: usize) -> Result<()> {
         let (code, next) = (record.code, record.end);
         match code {
-            op::MESSAGE if !self.in_summary => match self.parts.last_mut() {
-                Some(Part::Loose(start, last)) if *start >= self.begun => *last = next,
-                _ => self.parts.push(Part::Loose(at, next)),
-            },
+            op::MESSAGE if !self.in_summary => {
+                if let Some((_, time)) = stamp(log.head(record)?) {
+                    self.times = Some((self.times.map_or(time, |times| times.0), time));
+                }
+                match self.parts.last_mut() {
+                    Some(Part::Loose(start, last)) if *start >= self.begun => *last = next,
+                    _ => self.parts.push(Part::Loose(at, next)),
+                }
+            }
             op::SCHEMA | op::CHANNEL if !self.in_summary => {
                 self.data.define(code, log.body(record)?.unwrap_or(&[]));
             }
@@ -134,40 +156,85 @@ impl Walk {
     pub fn summary(log: &mut Window, start: usize) -> Result<Walk> {
         let mut walk = Walk::default();
         walk.records(log, start)?;
+        walk.whole |= walk.ended;
         Ok(walk)
     }
 
     /// Goes on behind damage as often as it must; `summary` is where the summary section starts, if
-    /// that is known, `indexed` are places of chunk records by its index.
+    /// that is known, and what it defines, `indexed` are places of chunk records by its index.
     pub fn resume(
         &mut self,
         log: &mut Window,
-        summary: Option<usize>,
+        summary: Option<(usize, &Definitions)>,
         indexed: &[(usize, usize)],
     ) -> Result<()> {
-        let mut tries = MOST_TRIED;
-        let known = if self.whole { BTreeSet::new() } else { chunks(log, indexed)? };
+        if self.whole {
+            return Ok(());
+        }
+        let mut search = Search::of(log, summary.map(|s| s.0), indexed)?;
         while !self.whole {
+            let loose = self.loose(summary.map(|s| s.1), search.knows_no_chunk());
             let from = self.end;
-            let known = known.range(from..).next().copied();
-            let end = known.or(summary).unwrap_or(log.size());
-            let found = next_chunk(log, from, end, &mut tries)?.or(known);
-            let Some(at) = found.or(summary.filter(|s| *s > from)) else { return Ok(()) };
-            if at > from {
-                self.damage.push((from, at));
-            }
-            match found {
-                Some(at) => self.chunk_at(log, at)?,
-                None => {
-                    self.in_summary = true;
-                    self.records(log, at)?;
-                }
-            }
-            if self.end == from {
+            let Some(found) = search.next(log, from, loose)? else { break };
+            self.second = next_log(log, from, found.start())?;
+            if self.second.is_some() {
                 return Ok(());
             }
+            self.go_on(log, found)?;
+            if self.end == from && found.start() >= from {
+                break;
+            }
         }
+        // data do not follow: it was the end
+        self.whole |= self.ended;
         Ok(())
+    }
+
+    /// What the next message outside chunks is known by, where such messages stood before the damage, or
+    /// nothing did.
+    fn loose(&self, summary: Option<&Definitions>, no_chunk: bool) -> Option<Loose> {
+        let is_loose = match self.parts.last() {
+            Some(part) => matches!(part, Part::Loose(..)),
+            None => no_chunk,
+        };
+        let mut channels = self.data.ids();
+        channels.extend(summary.map(Definitions::ids).unwrap_or_default());
+        // a message that is longer than it should be holds the next ones
+        let since = self.message.map_or(self.end, |at| at + 1);
+        let near = self.times.map(|(first, last)| vec![first, last]).unwrap_or_default();
+        is_loose.then_some(Loose { since, channels, near })
+    }
+
+    /// Takes up what was found behind damage.
+    fn go_on(&mut self, log: &mut Window, found: Found) -> Result<()> {
+        let (mut from, at) = (self.end, found.start());
+        if let Some(before) = self.message.filter(|_| at < from) {
+            self.cut(before);
+            from = before;
+        }
+        if at > from {
+            self.damage.push((from, at));
+        }
+        match found {
+            Found::Chunk(at) => self.chunk_at(log, at),
+            Found::Message(at) => {
+                self.in_summary = false;
+                self.records(log, at)
+            }
+            Found::Summary(at) => {
+                self.in_summary = true;
+                self.records(log, at)
+            }
+        }
+    }
+
+    /// Leaves out the last message outside chunks, which stands here: others stand in it.
+    fn cut(&mut self, at: usize) {
+        match self.parts.last_mut() {
+            Some(Part::Loose(start, _)) if *start == at => drop(self.parts.pop()),
+            Some(Part::Loose(_, end)) => *end = at,
+            _ => {}
+        }
     }
 
     /// The chunks among the parts.
@@ -181,6 +248,7 @@ impl Walk {
     /// Takes up a chunk, whatever its operation code, and goes on behind it.
     fn chunk_at(&mut self, log: &mut Window, at: usize) -> Result<()> {
         let Some(record) = log.record(at)? else { return Ok(()) };
+        self.in_summary = false;
         self.take_chunk(log, record)?;
         self.records(log, record.end)
     }
@@ -209,65 +277,5 @@ impl Walk {
         }
         self.parts.sort_by_key(|p| p.start());
         Ok((added, lost))
-    }
-}
-
-/// Which places of the index are those of chunks.
-fn chunks(log: &mut Window, indexed: &[(usize, usize)]) -> Result<BTreeSet<usize>> {
-    let mut known = BTreeSet::new();
-    for &(at, _) in indexed {
-        if let Some(record) = log.record(at)?
-            && is_one(log, record)?
-        {
-            known.insert(at);
-        }
-    }
-    Ok(known)
-}
-
-/// The first chunk that can be opened: at `from`, whatever its operation code, or under its own up
-/// to `end`.
-fn next_chunk(
-    log: &mut Window,
-    from: usize,
-    end: usize,
-    tries: &mut usize,
-) -> Result<Option<usize>> {
-    let mut at = Some(from).filter(|at| *at < end);
-    while let Some(here) = at {
-        if opens(log, here, tries)? {
-            return Ok(at);
-        }
-        at = log.find(op::CHUNK, here + 1, end)?;
-    }
-    Ok(None)
-}
-
-/// Whether a chunk record starts here and can be trusted to, because it opens.
-fn opens(log: &mut Window, at: usize, tries: &mut usize) -> Result<bool> {
-    let Some(record) = log.record(at)? else { return Ok(false) };
-    if *tries == 0 || !is_one(log, record)? {
-        return Ok(false);
-    }
-    match open_chunk(log.source(), record, &mut Buffer::default()) {
-        Ok(_) => Ok(true),
-        Err(closed) => {
-            closed.noted()?;
-            *tries -= 1;
-            Ok(false)
-        }
-    }
-}
-
-fn is_one(log: &mut Window, record: Record) -> Result<bool> {
-    Ok(chunk::is_one(log.head(record)?, record.length()))
-}
-
-/// Whether a record stands at this byte that is what its code says.
-fn starts_soundly(log: &mut Window, at: usize) -> Result<bool> {
-    match log.record(at)? {
-        Some(record) if record.code == op::CHUNK => is_one(log, record),
-        Some(record) => sound(log, record),
-        None => Ok(false),
     }
 }

@@ -260,11 +260,30 @@ fn seconds(c: &mut Compiler, x: Typed, offset: usize, at: &At, what: &str) -> Op
     }
 }
 
+/// The longest delay, s: nothing between a pilot and a recorder is later, and every record has to begin so
+/// much earlier.
+const LONGEST_DELAY: f64 = 10.0;
+
+/// Of what a parameter delays its start is held against the limit.
+fn not_long(c: &mut Compiler, tau: Typed, offset: usize, at: &At) -> Option<()> {
+    let value = match c.graph().view(tau.node) {
+        View::Const(value) => value,
+        View::Leaf(Leaf::Parameter(i)) => c.start(i).unwrap_or_default(),
+        _ => return Some(()),
+    };
+    if value <= LONGEST_DELAY {
+        return Some(());
+    }
+    c.report(at, offset, format!("a delay is at most {LONGEST_DELAY} s, this one is {value} s"));
+    None
+}
+
 fn delay(c: &mut Compiler, &Call { arguments, offset, at }: &Call) -> Option<Typed> {
     let (x, tau) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
     let (x, tau) = (x?, tau?);
     seconds(c, tau, arguments[1].at, at, "a delay")?;
     not_negative(c, tau, arguments[1].at, at, "a delay")?;
+    not_long(c, tau, arguments[1].at, at)?;
     if c.leaves(tau.node).iter().any(|l| matches!(l, Leaf::Delayed(_))) {
         c.report(at, offset, "a delay time cannot itself depend on a delayed value".into());
         return None;

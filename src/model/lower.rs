@@ -402,6 +402,11 @@ impl Compiler<'_> {
         &mut self.model.graph
     }
 
+    /// Where a parameter starts.
+    pub(super) fn start(&self, parameter: usize) -> Option<f64> {
+        Some(self.model.parameters.get(parameter)?.start)
+    }
+
     pub(super) fn report(&mut self, at: &At, offset: usize, what: String) {
         self.error(at, offset, what);
     }

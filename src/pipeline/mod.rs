@@ -2,11 +2,13 @@
 //! stage by stage as far as not fresh.
 
 mod assess;
+mod causes;
 mod diff;
 mod explain;
 mod files;
 mod gc;
 mod hashed;
+mod hashing;
 mod journal;
 mod limits;
 mod lineage;
@@ -33,6 +35,7 @@ mod verify;
 use crate::engine::Served;
 
 pub use assess::{Assessment, State};
+pub use causes::causes;
 pub use diff::{Difference, Kind, Side, diff};
 pub use explain::{Explained, explain, named};
 pub use gc::{remove, unneeded};

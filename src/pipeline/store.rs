@@ -3,10 +3,10 @@
 
 use super::files::{self, UNFINISHED, entries, make_parent, name, remove_file};
 use super::hashed::cannot;
+use super::hashing::write_table;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
 use super::records::Records;
-use crate::engine::Key;
 use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
 use crate::report::is_of_report;
@@ -14,7 +14,7 @@ use crate::stage::Part;
 use crate::table::{self, SCHEMA_VERSION, Table, Unfinished, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -187,9 +187,7 @@ impl Store {
     pub fn put_table(&self, relative: &str, table: &Table) -> Result<String> {
         let path = self.path(relative);
         let mut file = Unfinished::beside(&path)?;
-        let mut hashing = Hashing { to: &mut file.0, hasher: blake3::Hasher::new() };
-        table.write_parquet(&mut hashing)?;
-        let hash = Key::from(hashing.hasher.finalize()).0;
+        let hash = write_table(table, file.0.as_file_mut(), &path)?;
         if self.memo.hash(&path)? != Some(hash.clone()) {
             file.finish(&path)?;
         }
@@ -283,24 +281,6 @@ fn readable(path: &Path) -> Result<()> {
     Err(Error::at(Place::file(path.to_string_lossy()), what).help(
         "make it readable; or remove it, and everything is made again; or take another folder with --out",
     ))
-}
-
-/// Hands bytes on, and hashes them on their way.
-struct Hashing<W> {
-    to: W,
-    hasher: blake3::Hasher,
-}
-
-impl<W: Write> Write for Hashing<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.to.write(bytes)?;
-        self.hasher.update(&bytes[..written]);
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.to.flush()
-    }
 }
 
 #[cfg(test)]

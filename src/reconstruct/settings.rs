@@ -71,7 +71,8 @@ pub struct Settings {
     /// estimated.
     #[schemars(range(min = 10.0))]
     pub noise_s: f64,
-    /// Smoother: most iterations of that; 0 keeps the levels that the signals themselves show.
+    /// Smoother: most iterations of that, at most 1000; 0 keeps the levels that the signals themselves show.
+    #[schemars(range(max = 1000))]
     pub noise_iterations: usize,
     /// Smoother: outputs of sensors that may be late (vanes with filters, slow recorders): how late
     /// is estimated, as the parameter `tau_<output>`.

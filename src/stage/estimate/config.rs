@@ -13,6 +13,9 @@ use crate::stage::notes::{Note, Severity};
 /// The stage's name, and its key in the pipeline file.
 pub const NAME: &str = "estimate";
 
+/// Shortest segment that a record is cut into, s: no motion is seen in less.
+const SHORTEST_WINDOW: f64 = 0.1;
+
 /// The checked settings of one estimate.
 #[derive(Debug)]
 pub struct Config {
@@ -89,6 +92,16 @@ impl Config {
                 &format!("{key}.window_s"),
                 "`window_s` cuts whole records, and this estimate takes maneuvers by `input`",
                 "leave one of them out; `pre_s` and `post_s` say how long a maneuver's segment is",
+            );
+        }
+        if settings.window_s != 0.0 && !(settings.window_s >= SHORTEST_WINDOW) {
+            given.push(
+                &format!("{key}.window_s"),
+                format!(
+                    "a record is cut into segments of {SHORTEST_WINDOW} s or more, not {}",
+                    settings.window_s
+                ),
+                "0 leaves it whole",
             );
         }
         settings.chosen().check((given, key), flights, columns, settings.input.is_some());

@@ -40,8 +40,9 @@ pub struct Settings {
     pub r#where: IndexMap<String, Range>,
     /// Without `input`: the record is cut into equal segments of at most this length, s (0: one
     /// segment). What disturbs a model, such as noise of the signals that drive it, adds up over a
-    /// long segment.
+    /// long segment. At least 0.1 s, at most a day.
     #[serde(default)]
+    #[schemars(range(max = 86400.0))]
     pub window_s: f64,
     /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep", "sweep");
     /// empty for all kinds.
@@ -50,23 +51,28 @@ pub struct Settings {
     /// What is estimated together.
     #[serde(default)]
     pub group: Group,
-    /// Time before the first step that belongs to the segment, s.
+    /// Time before the first step that belongs to the segment, s; at most an hour.
     #[serde(default = "default_pre")]
+    #[schemars(range(max = 3600.0))]
     pub pre_s: f64,
-    /// Time after the last step that belongs to the segment, s. Where the segments of two maneuvers would
-    /// overlap, they meet in the middle.
+    /// Time after the last step that belongs to the segment, s; at most an hour. Where the segments of two
+    /// maneuvers would overlap, they meet in the middle.
     #[serde(default = "default_post")]
+    #[schemars(range(max = 3600.0))]
     pub post_s: f64,
-    /// Time before that which only feeds delays in the model, s.
+    /// Time before that which only feeds delays in the model, s; at most an hour.
     #[serde(default)]
+    #[schemars(range(max = 3600.0))]
     pub preroll_s: f64,
     /// Time before that in which the model runs already and is not scored, s: what remembers (a
     /// lag, separated flow) forgets how it began. For models driven by measurements; a state that
-    /// starts "measured" would start too late.
+    /// starts "measured" would start too late. At most an hour.
     #[serde(default)]
+    #[schemars(range(max = 3600.0))]
     pub settle_s: f64,
-    /// Integration steps per step of the grid; 0 lets the model's fastest mode decide.
+    /// Integration steps per step of the grid, at most 256; 0 lets the model's fastest mode decide.
     #[serde(default)]
+    #[schemars(range(max = 256))]
     pub substeps: usize,
     /// How the inputs run between the points of the grid: "linear" (mid-step is the mean), "cubic"
     /// for smooth measured signals, "hold" for commands that are steps; one for all of them, or by
@@ -95,8 +101,10 @@ pub struct Settings {
     #[serde(default)]
     pub unscored: Vec<String>,
     /// What the samples of its maneuvers may take in memory, MiB; those beyond are read from a scratch
-    /// file (in the folder that the environment names for such files). No result depends on it.
+    /// file (in the folder that the environment names for such files). No result depends on it. At most
+    /// 1048576, a TiB.
     #[serde(default = "default_samples_memory")]
+    #[schemars(range(max = 1048576))]
     pub samples_memory_mib: u64,
     /// How the estimation is run.
     #[serde(default)]

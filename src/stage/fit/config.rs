@@ -24,8 +24,9 @@ pub struct Settings {
     /// Confidence level of the bands.
     #[serde(default = "default_level")]
     pub level: f64,
-    /// Points of each band, from the smallest to the largest abscissa.
+    /// Points of each band, from the smallest to the largest abscissa; at most 10000.
     #[serde(default = "default_points")]
+    #[schemars(range(max = 10000))]
     pub points: usize,
     /// A parameter that one maneuver tells no better than this (sd over value, the median of all) is
     /// called poorly determined.

@@ -51,11 +51,13 @@ pub struct Settings {
     /// Kinds of maneuvers used; empty for all kinds.
     #[serde(default)]
     pub kinds: Option<Vec<String>>,
-    /// Time before the first step that belongs to the segment, s.
+    /// Time before the first step that belongs to the segment, s; at most an hour.
     #[serde(default)]
+    #[schemars(range(max = 3600.0))]
     pub pre_s: Option<f64>,
-    /// Time after the last step that belongs to the segment, s.
+    /// Time after the last step that belongs to the segment, s; at most an hour.
     #[serde(default)]
+    #[schemars(range(max = 3600.0))]
     pub post_s: Option<f64>,
     /// How the inputs run between the points of the grid, as in an estimate.
     #[serde(default)]
@@ -101,9 +103,10 @@ pub struct Settings {
     /// The tests of that file that are judged by; empty for all.
     #[serde(default)]
     pub tests: Vec<String>,
-    /// Length of the moving average of the residuals that is held against the sensor's noise, s.
+    /// Length of the moving average of the residuals that is held against the sensor's noise, s; at most an
+    /// hour.
     #[serde(default = "default_smooth")]
-    #[schemars(range(min = 0))]
+    #[schemars(range(min = 0, max = 3600))]
     pub smooth_s: f64,
 }
 

@@ -1,16 +1,17 @@
 //! A schema and messages in; the fields that they have out.
 
-use super::super::encoding::{FieldInfo, MOST_FIELDS, is_unreadable};
+use super::super::encoding::{FieldInfo, MOST_FIELDS, MOST_ITEMS, is_unreadable};
 use super::layout::{DEEPEST, Layout, number, scan};
 use crate::log::channel::Channel;
 use crate::units::Unit;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Of a message with more texts than this no layout is learnt: each is looked up among all of them.
 const MOST_TEXTS: usize = 100;
 
 /// Fields in the order in which messages first have them, with what the schema says; those of the
-/// schema, in its order, where no message has any. Texts that hold no number are left out.
+/// schema, in its order, where no message has any. Texts that hold no number are left out; the items
+/// behind the first ones of a long list are one field, with `*` for their places.
 pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {
     let mut told = Vec::new();
     if let Ok(schema) = serde_json::from_slice::<serde_json::Value>(&channel.schema) {
@@ -21,9 +22,10 @@ pub(super) fn among(channel: &Channel, messages: &[&[u8]]) -> Vec<FieldInfo> {
     if seen.paths.is_empty() {
         return told;
     }
+    let places: BTreeMap<&str, &FieldInfo> =
+        told.iter().rev().map(|field| (field.path.as_str(), field)).collect();
     let one = |path: String| {
-        let generic = generic(&path);
-        let known = told.iter().find(|f| f.path == path || f.path == generic);
+        let known = places.get(path.as_str()).or_else(|| places.get(generic(&path).as_str()));
         let (unit, doc) = known.map(|f| (f.unit.clone(), f.doc.clone())).unwrap_or_default();
         FieldInfo { path, unit, doc }
     };
@@ -45,9 +47,9 @@ impl Seen {
         if self.has_nothing_new(message) {
             return;
         }
-        let (mut new, mut texts) = (Vec::new(), BTreeSet::new());
-        let sound = scan(message, &mut |path, start, _| {
-            if self.taken.contains(path) {
+        let (mut new, mut texts) = (Vec::<String>::new(), BTreeSet::new());
+        let sound = scan(message, MOST_ITEMS as usize, &mut |path, start, _| {
+            if self.taken.contains(path) || new.last().is_some_and(|last| last == path) {
                 return;
             }
             if number(&message[start..]).is_some() {
@@ -209,6 +211,30 @@ mod tests {
     #[test]
     fn fault_a_broken_message_adds_no_field() {
         assert_eq!(paths(&[r#"{"a":1}"#, r#"{"x":1,"#, r#"{"b":1}"#]), ["a", "b"]);
+    }
+
+    #[test]
+    fn of_a_long_list_the_first_items_are_listed_and_the_others_are_one_field() {
+        let items = vec!["0.5"; 1000].join(",");
+        let schema =
+            br#"{"properties":{"v":{"type":"array","items":{"type":"number","unit":"V"}}}}"#;
+        let got = listed(schema, &[format!("{{\"v\":[{items}],\"x\":1}}").as_bytes()]);
+        assert_eq!(got.len() as u64, MOST_ITEMS + 2);
+        let rest = &got[MOST_ITEMS as usize];
+        assert_eq!((rest.path.as_str(), rest.unit.as_str()), ("v.*", "V"));
+        assert_eq!(got.last().map(|field| field.path.as_str()), Some("x"));
+    }
+
+    #[test]
+    fn many_fields_and_items_are_listed_and_read_in_time() {
+        // each looked up among all others this would take hours
+        let keys: Vec<String> = (0..300_000).map(|k| format!("\"k{k}\":{k}")).collect();
+        let message = format!("{{{}}}", keys.join(","));
+        let paths: Vec<String> =
+            listed(b"", &[message.as_bytes()]).into_iter().map(|field| field.path).collect();
+        let mut out = vec![0.0; paths.len()];
+        let layout = Layout::learn(message.as_bytes(), &paths).expect("a layout");
+        assert!(layout.read(message.as_bytes(), &mut out) && out[299_999] == 299_999.0);
     }
 
     #[test]

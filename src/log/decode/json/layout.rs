@@ -2,6 +2,7 @@
 
 use super::super::encoding::{UNREADABLE, finite};
 use super::super::paths;
+use std::collections::BTreeMap;
 
 /// Messages nested deeper than this are not read.
 pub const DEEPEST: usize = 64;
@@ -23,12 +24,15 @@ impl Layout {
     pub fn learn(message: &[u8], paths: &[String]) -> Option<Layout> {
         let mut slots = Vec::new();
         let mut at = 0;
+        // looked up, not searched: a message may have as many scalars as paths are wanted of it
+        let places: BTreeMap<&str, usize> =
+            paths.iter().enumerate().rev().map(|(place, path)| (path.as_str(), place)).collect();
         let of = |path: &str| {
-            let number = paths.iter().position(|p| p == path)?;
-            let rest = paths::rest_of(path);
-            Some(Slot { number, rest: paths.iter().position(|p| *p == rest) })
+            let number = *places.get(path)?;
+            let rest = places.get(paths::rest_of(path).as_str()).copied();
+            Some(Slot { number, rest })
         };
-        scan(message, &mut |path, start, end| {
+        scan(message, usize::MAX, &mut |path, start, end| {
             slots.push((message[at..start].to_vec(), of(path)));
             at = end;
         })?;
@@ -133,9 +137,9 @@ const IN_TOKEN: [bool; 256] = {
 };
 
 /// Calls `visit(path, start, end)` for every scalar of a message; `None` where it is no JSON (NaN
-/// and Infinity are let through).
-pub fn scan(message: &[u8], visit: &mut dyn FnMut(&str, usize, usize)) -> Option<()> {
-    let mut scanner = Scanner { text: message, at: 0, path: String::new(), visit };
+/// and Infinity are let through). Items of a list behind the first `named` have `*` for their place.
+pub fn scan(message: &[u8], named: usize, visit: &mut dyn FnMut(&str, usize, usize)) -> Option<()> {
+    let mut scanner = Scanner { text: message, at: 0, path: String::new(), named, visit };
     scanner.blank();
     scanner.value(0)?;
     scanner.blank();
@@ -146,6 +150,7 @@ struct Scanner<'a, 'v> {
     text: &'a [u8],
     at: usize,
     path: String,
+    named: usize,
     visit: &'v mut dyn FnMut(&str, usize, usize),
 }
 
@@ -195,7 +200,11 @@ impl Scanner<'_, '_> {
         let outer = self.path.len();
         for index in 0.. {
             self.blank();
-            let name = if object { self.key()? } else { index.to_string() };
+            let name = match object {
+                true => self.key()?,
+                false if index < self.named => index.to_string(),
+                false => "*".to_string(),
+            };
             if outer > 0 {
                 self.path.push('.');
             }
