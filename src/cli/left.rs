@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 /// Before so much time has passed, or so small a share is done, nobody knows.
-const SOON: Duration = Duration::from_secs(3);
+pub const SOON: Duration = Duration::from_secs(3);
 const LITTLE: f64 = 0.02;
 
 /// How long work will still take whose `share` (0 to 1) took `passed`, if it goes on as it did; none where that

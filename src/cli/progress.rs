@@ -154,8 +154,11 @@ impl State {
     fn line(&mut self, now: Instant) -> Option<String> {
         let next = *self.next.get_or_insert(now + FIRST_LINE);
         let (stage, since) = self.running.filter(|_| self.units > 0 && now >= next)?;
-        self.next = Some(now + EVERY);
         let ((grains, done), passed) = (self.done(), now.saturating_duration_since(since));
+        if passed < left::SOON {
+            return None;
+        }
+        self.next = Some(now + EVERY);
         let share = grains as f64 / (GRAIN * self.units as u64) as f64;
         Some(format!(
             "{stage}{}: {done} of {}, {}{}",

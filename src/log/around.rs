@@ -3,6 +3,7 @@
 
 use super::Note;
 use super::channel_map::SignalMap;
+use super::series::seconds;
 use crate::math::digits;
 use crate::signal::round;
 use crate::units::Unit;
@@ -33,7 +34,7 @@ pub(super) fn around(name: &str, signal: &SignalMap, samples: &mut [(i64, f64)])
         return steps_far(name, signal, turn, samples);
     }
     let rate = FASTER * usual_rate(samples, turn);
-    let moves = |a: i64, b: i64, step: f64| step <= (rate * seconds(a, b)).max(LITTLE * turn);
+    let moves = |a: i64, b: i64, step: f64| step <= (rate * seconds(b - a)).max(LITTLE * turn);
     let [turns, jumps] = round::unroll(samples, turn, moves);
     match (turns, jumps) {
         (0, 0) => None,
@@ -42,17 +43,12 @@ pub(super) fn around(name: &str, signal: &SignalMap, samples: &mut [(i64, f64)])
     }
 }
 
-/// Seconds between two stamps.
-fn seconds(a: i64, b: i64) -> f64 {
-    (b - a) as f64 * 1e-9
-}
-
 /// The rate that an angle does not exceed in 99 of 100 steps, whole turns apart.
 fn usual_rate(samples: &[(i64, f64)], turn: f64) -> f64 {
     let rate = |pair: &[(i64, f64)]| {
         let step = (pair[1].1 - pair[0].1).abs();
         let shorter = if round::beyond(step, turn) == 0.0 { step } else { (step - turn).abs() };
-        shorter / seconds(pair[0].0, pair[1].0)
+        shorter / seconds(pair[1].0 - pair[0].0)
     };
     let all = samples.windows(2).filter(|pair| pair[1].0 > pair[0].0).map(rate);
     let mut rates: Vec<f64> = all.filter(|rate| rate.is_finite()).collect();
@@ -65,10 +61,11 @@ fn usual_rate(samples: &[(i64, f64)], turn: f64) -> f64 {
 
 /// What is said of an angle that steps by nearly a turn where it cannot have gone round.
 fn jumps_far(name: &str, signal: &SignalMap, jumps: u64) -> Note {
-    let times = if jumps == 1 { "once".to_string() } else { format!("{jumps} times") };
     let text = format!(
-        "{} {}: steps by nearly a whole turn {times}, further than it moves anywhere else, whichever way round: these numbers stay as they are; `range` in the channel map drops what cannot be",
-        signal.topic, signal.field
+        "{} {}: steps by nearly a whole turn {}, further than it moves anywhere else, whichever way round: these numbers stay as they are; `range` in the channel map drops what cannot be",
+        signal.topic,
+        signal.field,
+        times(jumps)
     );
     Note::warning(name, jumps, text)
 }
@@ -86,12 +83,18 @@ fn spread(samples: &[(i64, f64)]) -> f64 {
 
 /// What is said of an angle that was logged within one turn.
 fn goes_round(name: &str, signal: &SignalMap, turns: u64) -> Note {
-    let times = if turns == 1 { "once".to_string() } else { format!("{turns} times") };
     let text = format!(
-        "{} {}: steps by a whole turn {times}: it goes on beyond one, so that what lies between two samples is the shorter way",
-        signal.topic, signal.field
+        "{} {}: steps by a whole turn {}: it goes on beyond one, so that what lies between two samples is the shorter way",
+        signal.topic,
+        signal.field,
+        times(turns)
     );
     Note::info(name, turns, text)
+}
+
+/// How often, in words.
+fn times(n: u64) -> String {
+    if n == 1 { "once".to_string() } else { format!("{n} times") }
 }
 
 /// What is said of one that has more than a turn and does not go on from sample to sample.

@@ -15,6 +15,7 @@ use super::window::Window;
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// One message of an intact chunk.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +55,8 @@ pub struct LogFile {
     statistics: Option<Statistics>,
     /// What was found wrong with the file as a whole.
     pub notes: Vec<Note>,
+    /// Messages of channels that it does not name, once they were counted.
+    unnamed: OnceLock<u64>,
 }
 
 impl LogFile {
@@ -102,6 +105,7 @@ impl LogFile {
             parts: Vec::new(),
             statistics: None,
             notes: Vec::new(),
+            unnamed: OnceLock::new(),
         })
     }
 
@@ -166,18 +170,26 @@ impl LogFile {
         }
     }
 
-    /// How many messages are of channels that the log does not name.
+    /// How many messages are of channels that the log does not name: by its own count, where that tells of
+    /// channels; else the log is read, once.
     ///
     /// # Errors
     /// The log cannot be read any more.
     pub fn unnamed(&self) -> Result<u64> {
+        if let Some(told) = self.statistics.as_ref().filter(|s| !s.messages.is_empty()) {
+            let unnamed = told.messages.iter().filter(|(id, _)| !self.channels.contains_key(id));
+            return Ok(unnamed.map(|(_, count)| count).sum());
+        }
+        if let Some(count) = self.unnamed.get() {
+            return Ok(*count);
+        }
         let (mut buffer, mut count) = (Buffer::default(), 0);
         for part in 0..self.parts() {
             self.messages(part, &mut buffer, |m| {
                 count += u64::from(!self.channels.contains_key(&m.channel));
             })?;
         }
-        Ok(count)
+        Ok(*self.unnamed.get_or_init(|| count))
     }
 
     /// Says where the messages that were read are not as many as the log counts.

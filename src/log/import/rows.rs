@@ -79,8 +79,14 @@ impl Values {
     /// These values with those that follow them in the same column.
     pub fn and(self, more: Values) -> Values {
         match (self, more) {
-            (Values::Whole(all), Values::Whole(more)) => Values::Whole([all, more].concat()),
-            (Values::Stamps(all), Values::Stamps(more)) => Values::Stamps([all, more].concat()),
+            (Values::Whole(mut all), Values::Whole(more)) => {
+                all.extend(more);
+                Values::Whole(all)
+            }
+            (Values::Stamps(mut all), Values::Stamps(more)) => {
+                all.extend(more);
+                Values::Stamps(all)
+            }
             // Some of them are too large for whole numbers.
             (all, more) => {
                 let mut all = all.numbers().unwrap_or_default();
