@@ -89,7 +89,7 @@ pub struct SignalMap {
     /// Range outside of which the signal cannot be, in SI units, lowest and highest: a sample outside
     /// is dropped and counted.
     pub range: Option<[f64; 2]>,
-    /// What becomes of single samples that stand far out of both neighbours, as nothing else in the
+    /// What becomes of single samples, and of two in a row, that stand far out of their neighbours, as nothing else in the
     /// signal does: "drop" (they are counted, and told) or "keep". Default "drop".
     #[serde(default)]
     pub spikes: Wrong,

@@ -103,11 +103,12 @@ pub(super) fn told(name: &str, signal: &SignalMap, unit: &Unit, left_out: &[Seen
     let first: Vec<String> = spikes.iter().take(TOLD).map(one).collect();
     let more = if spikes.len() > TOLD { ", ..." } else { "" };
     let text = format!(
-        "{} {}: {} of its samples stand{} far out of both neighbours, dropped (spikes = \"keep\" in the channel map keeps them): {}{more}",
+        "{} {}: {} of its samples stand{} far out of {} neighbours, dropped (spikes = \"keep\" in the channel map keeps them): {}{more}",
         signal.topic,
         signal.field,
         spikes.len(),
         if spikes.len() == 1 { "s" } else { "" },
+        if spikes.len() == 1 { "both" } else { "their" },
         first.join(", ")
     );
     (!spikes.is_empty()).then(|| Note::warning(name, spikes.len() as u64, text))

@@ -36,7 +36,7 @@ pub struct Account {
     pub lacking: u64,
     /// Samples dropped because they are outside the range that the map gives.
     pub dropped_out_of_range: u64,
-    /// Samples dropped because each stands far out of both neighbours.
+    /// Samples dropped because they stand far out of their neighbours, alone or two in a row.
     pub dropped_spikes: u64,
     /// Samples dropped because the sensor stands still.
     pub dropped_still: u64,

@@ -8,5 +8,7 @@ pub mod robust;
 pub mod round;
 pub mod smooth;
 pub mod spikes;
+#[cfg(test)]
+mod spikes_tests;
 pub mod still;
 pub mod trend;

@@ -1,5 +1,5 @@
-//! A sampled signal in; single samples that stand far out of both neighbours, as no motion and no
-//! noise of this signal does, out.
+//! A sampled signal in; single samples that stand far out of both neighbours, and two in a row that do,
+//! as no motion and no noise of this signal does, out.
 //!
 //! A bit that flips, or a message that is half written, leaves one sample that has nothing to do with
 //! those beside it. With `m_j = |y_j - (y_(j-1) + y_(j+1))/2|` over half a hundred samples around, of
@@ -12,10 +12,23 @@
 //! - that is more than four times the smallest change around: readings that flicker by one step of
 //!   their resolution are none.
 //!
+//! Two samples in a row are wrong by the same measures, of both of them and the good samples around them,
+//! where besides
+//!
+//! - the good samples are at most 0.1 s apart: no hand and no servo takes a surface out and back in that time,
+//!   by more than half of what it does in the whole record, while a record at 20 Hz may have such a motion,
+//! - they jump by more than three times what the signal does anywhere else from one sample to the next: in a
+//!   command that steps, and after a shock that rings, others are alike,
+//! - there are two such pairs at most, or one in 500 samples: more (a marker every second) are what the signal does.
+//!
+//! Noise has no such pairs: in white noise both samples would have to be beyond twelve sd. What is left is a true
+//! pulse of less than 0.1 s, alone in a record whose every other step between samples is less than a third of it.
+//!
 //! Signals of four values or fewer (switches, commanded steps), and samples that do not come at a steady
 //! rate (one message at each change), are not judged.
 
 use super::round::beyond;
+use std::collections::BTreeSet;
 
 /// Samples on each side that show how much the signal moves.
 const AROUND: usize = 25;
@@ -39,38 +52,107 @@ const SWITCH: usize = 4;
 const STEADY: f64 = 0.9;
 /// Fewer samples show nothing.
 const FEWEST: usize = 20;
+/// Good samples on either side of two wrong ones are so near in time, ns.
+const TOGETHER: i64 = 100_000_000;
+/// Two wrong samples jump by so many times what the signal does elsewhere.
+const JUMP: f64 = 3.0;
+/// So many pairs are wrong samples in any record, and one in so many samples in a long one.
+const PAIRS: usize = 2;
+const SAMPLES: usize = 500;
 
-/// Indices of the spikes. Times ascend, in any unit; `period` is that of an angle, which neither
-/// rises nor falls where it goes round.
+/// Indices of the spikes, in ascending order. Times ascend, in ns; `period` is that of an angle, which
+/// neither rises nor falls where it goes round.
 pub fn found(t: &[i64], y: &[f64], period: Option<f64>) -> Vec<usize> {
     let Some(longest) = longest_spacing(t) else { return Vec::new() };
     if y.len() < FEWEST || values(y) <= SWITCH {
         return Vec::new();
     }
-    let least = OF_RANGE * range(y);
-    let step = |from: usize, to: usize| {
-        let step = y[to] - y[from];
-        match period {
+    let signal = Signal { t, y, period, longest, least: OF_RANGE * range(y) };
+    let single: Vec<usize> = (1..y.len() - 1).filter(|&k| signal.is_spike(k)).collect();
+    let pairs = signal.pairs(&single);
+    let all: BTreeSet<usize> =
+        single.into_iter().chain(pairs.into_iter().flat_map(|k| [k, k + 1])).collect();
+    all.into_iter().collect()
+}
+
+/// What is asked for spikes.
+struct Signal<'a> {
+    t: &'a [i64],
+    y: &'a [f64],
+    period: Option<f64>,
+    /// Spacing beyond which samples are no neighbours.
+    longest: i64,
+    /// What is smaller does little harm.
+    least: f64,
+}
+
+impl Signal<'_> {
+    fn step(&self, from: usize, to: usize) -> f64 {
+        let step = self.y[to] - self.y[from];
+        match self.period {
             Some(period) => step - beyond(step, period),
             None => step,
         }
-    };
-    let bend = |k: usize| 0.5 * (step(k, k - 1) + step(k, k + 1)).abs();
-    let is_spike = |k: &usize| {
-        let k = *k;
-        let (before, after) = (step(k - 1, k), step(k + 1, k));
+    }
+
+    fn is_near(&self, from: usize) -> bool {
+        self.t[from + 1] - self.t[from] <= self.longest
+    }
+
+    fn is_spike(&self, k: usize) -> bool {
+        let (before, after) = (self.step(k - 1, k), self.step(k + 1, k));
         let size = before.abs().min(after.abs());
-        if before * after <= 0.0 || (before - after).abs() >= BACK * size || size <= least {
+        if before * after <= 0.0 || (before - after).abs() >= BACK * size || size <= self.least {
             return false;
         }
-        let near = t[k] - t[k - 1] <= longest && t[k + 1] - t[k] <= longest;
-        let others: Vec<usize> = (k.saturating_sub(AROUND).max(1)..k - BESIDE)
-            .chain(k + BESIDE + 1..(k + AROUND + 1).min(y.len() - 1))
+        self.is_near(k - 1) && self.is_near(k) && self.stands_out(size, k, k)
+    }
+
+    /// Whether this size is far beyond noise and resolution around the samples from `first` to `last`.
+    fn stands_out(&self, size: f64, first: usize, last: usize) -> bool {
+        let others: Vec<usize> = (first.saturating_sub(AROUND).max(1)..first - BESIDE)
+            .chain(last + BESIDE + 1..(last + AROUND + 1).min(self.y.len() - 1))
             .collect();
-        near && size > FACTOR * most(others.iter().map(|&j| bend(j)).collect())
-            && size > resolved(others.iter().map(|&j| step(j - 1, j).abs()), y[k - 1])
-    };
-    (1..y.len() - 1).filter(is_spike).collect()
+        let bend = |&k: &usize| 0.5 * (self.step(k, k - 1) + self.step(k, k + 1)).abs();
+        size > FACTOR * most(others.iter().map(bend).collect())
+            && size > resolved(others.iter().map(|&j| self.step(j - 1, j).abs()), self.y[first - 1])
+    }
+
+    /// The first samples of the pairs that are wrong.
+    fn pairs(&self, single: &[usize]) -> Vec<usize> {
+        let candidates = (1..self.y.len() - 2).filter_map(|k| Some((k, self.pair(k)?)));
+        let mut pairs: Vec<(usize, f64)> = Vec::new();
+        for (k, size) in candidates {
+            // What hangs together is no pair.
+            let is_apart = pairs.last().is_none_or(|(last, _)| *last + 2 < k);
+            if is_apart && [k, k + 1].iter().all(|k| single.binary_search(k).is_err()) {
+                pairs.push((k, size));
+            }
+        }
+        if pairs.len() > PAIRS && pairs.len() * SAMPLES > self.y.len() {
+            return Vec::new();
+        }
+        let mut wrong = vec![false; self.y.len()];
+        single.iter().for_each(|&k| wrong[k] = true);
+        pairs.iter().for_each(|&(k, _)| wrong[k..k + 2].fill(true));
+        let steps =
+            (1..self.y.len()).filter(|&k| !wrong[k] && !wrong[k - 1] && self.is_near(k - 1));
+        let elsewhere = steps.map(|k| self.step(k - 1, k).abs()).fold(0.0, f64::max);
+        pairs.retain(|(_, size)| *size > JUMP * elsewhere);
+        pairs.into_iter().map(|(k, _)| k).collect()
+    }
+
+    /// By how much the samples `k` and `k + 1` both stand out of the good ones beside them, if they do.
+    fn pair(&self, k: usize) -> Option<f64> {
+        let (from, to) = (k - 1, k + 2);
+        let steps = [k, k + 1].map(|k| self.step(from, k).abs().min(self.step(to, k).abs()));
+        let size = steps[0].min(steps[1]);
+        if size <= self.least || self.step(from, to).abs() >= BACK * size {
+            return None;
+        }
+        let near = (from..to).all(|k| self.is_near(k)) && self.t[to] - self.t[from] <= TOGETHER;
+        (near && self.stands_out(size, k, k + 1)).then_some(size)
+    }
 }
 
 /// Spacing beyond which samples are no neighbours; none where the rate is not steady.
@@ -174,7 +256,7 @@ mod tests {
             noise.iter().enumerate().map(|(k, v)| v + of(k)).collect()
         };
         let step = with(&|k| if k < 500 { 0.0 } else { 1.0 });
-        let pulse = with(&|k| if (500..502).contains(&k) { 1.0 } else { 0.0 });
+        let pulse = with(&|k| if (500..503).contains(&k) { 1.0 } else { 0.0 });
         for y in [step, pulse] {
             assert_eq!(found(&times(n), &y, None), [0; 0]);
         }

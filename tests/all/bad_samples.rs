@@ -5,12 +5,16 @@ use koehler::table::read_dataset;
 
 /// The second flight with one sample of y that reads 20 deg, in the middle of a maneuver.
 fn with_a_spike() -> Campaign {
+    with_wrong(&[20.0])
+}
+
+/// The same with so many samples in a row, at 40 Hz.
+fn with_wrong(wrong: &[f64]) -> Campaign {
     let c = Campaign::new();
-    let mut hit = false;
+    let mut left = wrong.iter();
     write_log_seen(&c.path("logs/flight-2.mcap"), 1, 4, |t, y| {
-        let now = t > 26.0 && !hit;
-        hit |= now;
-        if now { 20.0 } else { y }
+        let now = if t > 26.0 { left.next() } else { None };
+        now.copied().unwrap_or(y)
     });
     c
 }
@@ -76,6 +80,24 @@ fn fault_one_wrong_sample_is_told_and_changes_no_estimate() {
     let off = |((a, sd), (b, _)): (&(f64, f64), &(f64, f64))| (a - b).abs() / sd;
     let most = without.iter().zip(&gains(&c)).map(off).fold(0.0, f64::max);
     assert!(most > 1.0, "{most}");
+}
+
+#[test]
+fn fault_two_wrong_samples_in_a_row_are_told_and_change_no_estimate() {
+    let clean = Campaign::new();
+    clean.run().ended(0);
+    let c = with_wrong(&[20.0, 18.0]);
+    let run = c.run().ended(0);
+    let words = "2 of its samples stand far out of their neighbours";
+    assert!(run.out.contains(words) || run.err.contains(words), "{}\n{}", run.out, run.err);
+    assert_eq!(dropped(&c, "dropped_spikes"), 2);
+    for ((a, sd), (b, _)) in gains(&clean).iter().zip(&gains(&c)) {
+        assert!((a - b).abs() < 0.3 * sd, "{a} {b} +- {sd}");
+    }
+    // Three are a pulse.
+    let c = with_wrong(&[20.0, 18.0, 19.0]);
+    c.run();
+    assert_eq!(dropped(&c, "dropped_spikes"), 0);
 }
 
 #[test]
