@@ -3,10 +3,10 @@
 
 use super::args::Form;
 use super::summary::{count, number};
-use super::words::{End, document, say};
+use super::words::{End, document, say, warn};
 use crate::error::{Error, Errors, Place, Result};
 use crate::guard::MARK;
-use crate::pipeline::{self, Difference, Kind, Side, Store};
+use crate::pipeline::{self, Difference, Kind, Side, Store, named};
 use std::path::{Path, PathBuf};
 
 /// `koehler diff`
@@ -16,6 +16,7 @@ pub fn diff(first: &Path, second: &Path, form: Form) -> std::result::Result<End,
     errors.or(())?;
     let [first, second] = &folders;
     let compared = pipeline::diff(first, second)?;
+    tell_left_out(&compared.left_out.iter().cloned().collect::<Vec<_>>());
     let end = if compared.differences.is_empty() { End::Complete } else { End::Partial };
     if form.json {
         document(&compared)?;
@@ -28,6 +29,16 @@ pub fn diff(first: &Path, second: &Path, form: Form) -> std::result::Result<End,
         n => format!("{}; compared were {both}", count(n, "difference")),
     });
     Ok(end)
+}
+
+/// Says which files of tables were left out, where some were.
+pub(super) fn tell_left_out(files: &[String]) {
+    if !files.is_empty() {
+        let files = named(files);
+        warn(&format!(
+            "left out, because no record of a run names it: {files} (a run removes such files)"
+        ));
+    }
 }
 
 /// The output folder that is meant: itself, or that of a pipeline file.

@@ -2,10 +2,10 @@
 //! or as JSON.
 
 use super::args::Form;
-use super::diff::folder;
-use super::words::{End, document, say, warn};
+use super::diff::{folder, tell_left_out};
+use super::words::{End, document, say};
 use crate::error::{Error, Errors, Result};
-use crate::pipeline::{Recorded, Store, named};
+use crate::pipeline::{Recorded, Store};
 use crate::table::query::{self, Answer, Cell};
 use serde_json::{Map, Number, Value};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -40,12 +40,7 @@ pub fn sql(run: &Path, sql: &str, form: Rows) -> std::result::Result<End, Errors
     let mut left_out = Vec::new();
     let answer =
         guarded(|| query::query_of(&folder, sql, &|path| recorded.has(path), &mut left_out));
-    if !left_out.is_empty() {
-        let files = named(&left_out);
-        warn(&format!(
-            "left out, because no record of a run names it: {files} (a run removes such files)"
-        ));
-    }
+    tell_left_out(&left_out);
     let answer = answer?;
     match form {
         Rows::Table => say(&table(&answer)),

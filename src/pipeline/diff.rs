@@ -1,12 +1,14 @@
-//! Two output folders come in; what their results differ in beyond their standard deviations goes
-//! out: values, lines, curves, verdicts, and what only one of them has.
+//! Two output folders come in; what the results that their records name differ in beyond their standard
+//! deviations goes out: values, lines, curves, verdicts, and what only one of them has.
 
+use super::recorded::Recorded;
+use super::store::Store;
 use crate::error::{Errors, Result};
 use crate::estimate::Line;
 use crate::math::digits;
-use crate::table::{Table, read_dataset};
+use crate::table::{Table, read_dataset_of};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A value has moved where it has by more than so many of the larger of its two standard deviations.
@@ -59,6 +61,34 @@ pub struct Compared {
     /// How many values and verdicts both have.
     pub both: usize,
     pub differences: Vec<Difference>,
+    /// Files of these tables that no record of a run names, and that were left out.
+    #[serde(skip)]
+    pub left_out: BTreeSet<String>,
+}
+
+/// An output folder, and what of it is a result.
+struct Run<'a> {
+    folder: &'a Path,
+    recorded: Recorded,
+    left_out: BTreeSet<String>,
+}
+
+impl Run<'_> {
+    fn of(folder: &Path) -> Result<Run<'_>> {
+        let recorded = Recorded::of(&Store::look(folder)?);
+        Ok(Run { folder, recorded, left_out: BTreeSet::new() })
+    }
+
+    /// A table, of the files that a record names.
+    fn table(&mut self, name: &str) -> std::result::Result<Table, Errors> {
+        read_dataset_of(self.folder, name, &mut |path| {
+            let is_result = self.recorded.has(path);
+            if !is_result {
+                self.left_out.insert(self.folder.join(path).to_string_lossy().into_owned());
+            }
+            is_result
+        })
+    }
 }
 
 /// A table whose rows are compared: the columns that name a row, and what is taken of it.
@@ -142,23 +172,25 @@ type Sides = BTreeMap<Vec<String>, Side>;
 /// A table cannot be read.
 pub fn diff(first: &Path, second: &Path) -> std::result::Result<Compared, Errors> {
     let mut compared = Compared::default();
+    let [mut first, mut second] = [Run::of(first)?, Run::of(second)?];
     for wanted in &WANTED {
-        let [a, b] = [sides(first, wanted)?, sides(second, wanted)?];
+        let [a, b] = [sides(&mut first, wanted)?, sides(&mut second, wanted)?];
         compared.both += a.keys().filter(|names| b.contains_key(*names)).count();
         compared.differences.extend(differences(wanted.kind, &a, &b));
     }
-    let [a, b] = [curves(first)?, curves(second)?];
+    let [a, b] = [curves(&mut first)?, curves(&mut second)?];
     for (of, first) in &a {
         let Some(second) = b.get(of) else { continue };
         compared.both += 1;
         compared.differences.extend(furthest(of, first, second));
     }
     compared.differences.sort_by_key(|d| d.kind);
+    compared.left_out.extend(first.left_out.into_iter().chain(second.left_out));
     Ok(compared)
 }
 
-fn sides(folder: &Path, wanted: &Wanted) -> std::result::Result<Sides, Errors> {
-    let table = read_dataset(folder, wanted.table)?;
+fn sides(run: &mut Run, wanted: &Wanted) -> std::result::Result<Sides, Errors> {
+    let table = run.table(wanted.table)?;
     let rows = names(&table, wanted.names)?;
     let named = |row: &[String], what: &str, several: bool| -> Vec<String> {
         row.iter().cloned().chain(several.then(|| what.to_string())).collect()
@@ -201,8 +233,8 @@ fn units(table: &Table, per: Per) -> Result<Vec<String>> {
 type Points = Vec<(f64, String, Side)>;
 
 /// All curves of a run.
-fn curves(folder: &Path) -> std::result::Result<BTreeMap<Vec<String>, Points>, Errors> {
-    let table = read_dataset(folder, "curves")?;
+fn curves(run: &mut Run) -> std::result::Result<BTreeMap<Vec<String>, Points>, Errors> {
+    let table = run.table("curves")?;
     let rows = names(&table, &["curve", "group", "equation", "at"])?;
     let (input, unit_x, x) = (table.strings("input")?, table.strings("unit_x")?, table.f64("x")?);
     let (value, sd, units) = (table.f64("value")?, table.f64("sd")?, units(&table, Per::One)?);

@@ -44,9 +44,8 @@ pub fn write_part(dir: &Path, table: &Table, flight: Option<&str>, part: usize) 
             table.name()
         )));
     }
-    let mut file = Unfinished::beside(&path)?;
-    table.write_parquet(&mut file.0)?;
-    file.finish(&path)?;
+    // Bytes first: where a disk is full, the table's writer would say so without the file.
+    write_atomic(&path, &table.to_parquet()?)?;
     Ok(path)
 }
 
@@ -216,11 +215,26 @@ fn names(folder: &Path) -> Result<Vec<String>> {
 /// # Errors
 /// Every part that cannot be read, or parts that do not fit together.
 pub fn read_dataset(dir: &Path, table: &str) -> std::result::Result<Table, Errors> {
+    read_dataset_of(dir, table, &mut |_| true)
+}
+
+/// The same of the parts that are wanted, by their paths below `dir`.
+///
+/// # Errors
+/// As [`read_dataset`].
+pub fn read_dataset_of(
+    dir: &Path,
+    table: &str,
+    is_wanted: &mut dyn FnMut(&str) -> bool,
+) -> std::result::Result<Table, Errors> {
     let mut errors = Errors::default();
     let mut tables = Vec::new();
     for part in parts(dir, table)? {
-        let path = dir.join(part.path(table)?);
-        tables.extend(errors.take(read_file(&path, table, part.flight.as_deref())));
+        let path = part.path(table)?;
+        if is_wanted(&path) {
+            let file = dir.join(path);
+            tables.extend(errors.take(read_file(&file, table, part.flight.as_deref())));
+        }
     }
     errors.or(())?;
     Ok(Table::concat(table, &tables)?)

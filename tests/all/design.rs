@@ -77,6 +77,24 @@ fn fault_a_design_that_cannot_be_flown_leaves_the_others_and_shows_in_the_exit_c
     assert!(table.f64("trace").expect("column")[0] > 0.0);
 }
 
+/// Files end at 4 kB, as on a disk that is full there.
+#[cfg(unix)]
+#[test]
+fn fault_a_table_that_cannot_be_written_is_named_and_nothing_is_left_of_it() {
+    let folder = copy("citation");
+    std::fs::write(folder.path().join("mine.toml"), of_the_page()).expect("written");
+    let limited = "trap '' XFSZ; ulimit -f 8; exec \"$0\" design mine.toml --out full";
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", limited, env!("CARGO_BIN_EXE_koehler")]);
+    let output = command.current_dir(folder.path()).output().expect("started");
+    let wrong = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{wrong}");
+    let file = "full/designs/part-0.parquet: cannot write the file: ";
+    assert!(wrong.contains(file), "{wrong}");
+    let left = std::fs::read_dir(folder.path().join("full/designs")).expect("its folder");
+    assert_eq!(left.count(), 0);
+}
+
 /// Trace, airspeed and rank of the 18 designs under one estimate.
 fn of(table: &Table, estimate: &str) -> Vec<(f64, f64, i64)> {
     let column = |name: &str| table.f64(name).expect("column").to_vec();

@@ -185,6 +185,15 @@ fn two_runs_differ_in_what_moved_and_in_what_one_alone_has() {
     assert!(!other.out.contains("estimate lag, flight-1"), "{}", other.out);
     assert!(other.out.contains("estimate all: only in other: "), "{}", other.out);
 
+    // A file that another run left there is no result of this one.
+    let [from, to] = ["other", "same"].map(|run| c.path(run).join("fits/part-0.parquet"));
+    std::fs::copy(&from, to.with_file_name("part-7.parquet")).expect("copied");
+    let with = c.command("diff", &["out", "same"]).ended(0);
+    assert_eq!(with.out, same.out);
+    let place = std::path::Path::new("same").join("fits/part-7.parquet");
+    let wanted = format!("no record of a run names it: {} (", place.display());
+    assert!(with.err.contains(&wanted), "{}", with.err);
+
     let json = c.command("diff", &["out", "other", "--json"]).ended(1);
     let said: serde_json::Value = serde_json::from_str(&json.out).expect("JSON");
     let first = &said["differences"][0];
