@@ -35,10 +35,11 @@ fn main() {
     let library = effect::load(&[]).expect("the library");
     let context =
         effect::Context::of(&model, &segments.iter().map(|s| &s.record).collect::<Vec<_>>());
-    let offer = |model: &Model| {
-        let mut offer = effect::candidates(model, &context, &library);
-        offer.candidates.truncate(CANDIDATES);
-        Ok((offer.candidates, Vec::new()))
+    let offer = |model: &Model, wanted: &effect::Wanted| {
+        let mut candidates = effect::candidates(model, &context, &library).candidates;
+        candidates.truncate(CANDIDATES);
+        candidates.retain(|candidate| wanted(&candidate.effect));
+        Ok((candidates, Vec::new()))
     };
     let subject = Subject {
         model: &model,

@@ -95,8 +95,9 @@ fn with_noise(truth: &Model, seed: u64, sd: f64) -> Diagnosis {
         settings: &settings,
     };
     let library = effect::load(&[]).expect("the library");
-    let offer =
-        |model: &Model| Ok((effect::candidates(model, &context, &library).candidates, Vec::new()));
+    let offer = |model: &Model, wanted: &effect::Wanted| {
+        Ok((effect::candidates_of(model, &context, &library, wanted).candidates, Vec::new()))
+    };
     diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
 }
 

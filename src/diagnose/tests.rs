@@ -157,8 +157,9 @@ pub fn held_against(
         .into_iter()
         .filter(|e| effects.contains(&e.name.as_str()))
         .collect();
-    let offer = |model: &Model| {
-        Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()))
+    let offer = |model: &Model, wanted: &effect::Wanted| {
+        let offer = effect::candidates_of(model, &Context::default(), &library, wanted);
+        Ok((offer.candidates, Vec::new()))
     };
     diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -194,7 +195,7 @@ pub fn told(d: &Diagnosis) -> String {
             }
         }
     }
-    for l in d.located.iter().take(3) {
+    for l in d.located().take(3) {
         text += &format!("\nlocated {l:?}");
     }
     text
@@ -385,7 +386,7 @@ fn recovery_an_effect_that_no_candidate_resembles_is_located() {
     let truth = parsed(&ringing_vane(1.0));
     let d = verdict(&truth, 4, 0.5, &Settings::default());
     assert_eq!(d.verdict, Verdict::Located, "{}", told(&d));
-    assert_eq!(d.located[0].output, "alpha", "{}", told(&d));
+    assert_eq!(d.located().next().expect("one").output, "alpha", "{}", told(&d));
 }
 
 #[test]
@@ -425,8 +426,8 @@ fn truth_an_aircraft_ten_times_as_fast_has_the_same_verdict() {
         assert_eq!(named(slow), named(fast), "{both}");
         // What responds to what; frequencies are named in rad/s.
         let first = |d: &Diagnosis| {
-            d.located
-                .first()
+            d.located()
+                .next()
                 .map(|l| (l.output.clone(), l.source.split(" at ").next().map(str::to_string)))
         };
         assert_eq!(first(slow), first(fast), "{both}");
@@ -443,8 +444,9 @@ fn recovery_an_effect_that_comes_and_goes_is_located_by_what_is_new_at_each_inst
         ));
     let d = verdict(&truth, 6, 0.97, &Settings::default());
     assert_eq!(d.verdict, Verdict::Located, "{}", told(&d));
-    assert!(d.located[0].source.starts_with("de, coming and going"), "{}", told(&d));
-    assert!(d.located[0].source.ends_with(innovation::HOW), "{}", told(&d));
+    let source = &d.located().next().expect("one").source;
+    assert!(source.starts_with("de, coming and going"), "{}", told(&d));
+    assert!(source.ends_with(innovation::HOW), "{}", told(&d));
 }
 
 #[test]

@@ -108,8 +108,9 @@ fn judged(moment: &str, segments: &[Segment], settings: &Settings) -> Diagnosis 
         settings,
     };
     let library: Vec<effect::Effect> = Vec::new();
-    let offer = |model: &Model| {
-        Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()))
+    let offer = |model: &Model, wanted: &effect::Wanted| {
+        let offer = effect::candidates_of(model, &Context::default(), &library, wanted);
+        Ok((offer.candidates, Vec::new()))
     };
     diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::added::{Added, Check};
 use super::block::{Block, quoted};
-use super::candidate::{Candidate, Offer, Skipped};
+use super::candidate::{Candidate, OF, Offer, Skipped};
 use super::context::Context;
 use super::file::{Bind, Effect, Size};
 use super::fill::{fill, placeholders, unit_factor};
@@ -18,8 +18,21 @@ use crate::model::file::Value;
 use crate::model::{Model, Scope};
 use crate::units::simplified;
 
+/// Which effects are wanted, by name.
+pub type Wanted<'a> = dyn Fn(&str) -> bool + Sync + 'a;
+
 /// All candidates for a base model, in the order of the effects and of the model.
 pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer {
+    candidates_of(base, context, effects, &|_| true)
+}
+
+/// Those of the effects wanted.
+pub fn candidates_of(
+    base: &Model,
+    context: &Context,
+    effects: &[Effect],
+    wanted: &Wanted,
+) -> Offer {
     let of = |effect: &Effect| match options(base, context, effect) {
         Ok(options) => {
             let bound = |chosen| candidate(base, context, effect, &options, chosen);
@@ -28,7 +41,8 @@ pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer 
         Err(why) => vec![Err(Skipped { effect: effect.name.clone(), why, wrong: false })],
     };
     // Every model is compiled, which takes longer than what is done with most of them.
-    let all: Vec<Vec<Result<Candidate, Skipped>>> = effects.par_iter().map(of).collect();
+    let effects = effects.par_iter().filter(|effect| wanted(&effect.name));
+    let all: Vec<Vec<Result<Candidate, Skipped>>> = effects.map(of).collect();
     let mut offer = Offer::default();
     for one in all.into_iter().flatten() {
         match one {
@@ -149,7 +163,7 @@ fn candidate<'a>(
     let name = if idents.is_empty() {
         effect.name.clone()
     } else {
-        format!("{}:{}", effect.name, idents.join(","))
+        format!("{}{OF}{}", effect.name, idents.join(","))
     };
     let suffix = if idents.is_empty() { effect.name.replace('-', "_") } else { idents.join("_") };
     let all = effect.file.bind.iter().find(|(_, bind)| matches!(bind, Bind::All(_)));

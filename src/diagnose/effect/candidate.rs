@@ -9,6 +9,14 @@ use super::file::Family;
 use crate::error::Errors;
 use crate::model::Model;
 
+/// Between an effect's name and what it is bound to.
+pub const OF: char = ':';
+
+/// The effect of which a candidate of this name is a binding.
+pub fn effect_of(name: &str) -> &str {
+    name.split(OF).next().unwrap_or_default()
+}
+
 /// All bindings of all effects, and what does not apply.
 #[derive(Debug, Clone, Default)]
 pub struct Offer {
@@ -55,7 +63,7 @@ pub struct Candidate {
 impl Candidate {
     /// Whether it is another form of the same cause, of the same thing: only one of them can be true.
     pub fn is_form_of(&self, other: &Candidate) -> bool {
-        let thing = |c: &Candidate| c.name.split_once(':').map(|(_, bound)| bound.to_string());
+        let thing = |c: &Candidate| c.name.split_once(OF).map(|(_, bound)| bound.to_string());
         self.form.is_some() && self.form == other.form && thing(self) == thing(other)
     }
 

@@ -18,7 +18,7 @@ pub mod roles;
 mod tests;
 
 pub use added::{Added, Check};
-pub use bind::{candidates, useless};
-pub use candidate::{Candidate, Offer, Skipped};
+pub use bind::{Wanted, candidates, candidates_of, useless};
+pub use candidate::{Candidate, Offer, Skipped, effect_of};
 pub use context::Context;
 pub use file::{Effect, Family, load, parse};

@@ -22,7 +22,7 @@ use super::verdict::{Diagnosis, Verdict};
 use crate::diagnose::base::constants::with_constants;
 use crate::diagnose::base::found::{Found, at_first, at_next};
 use crate::diagnose::base::stand::{Known, Stand};
-use crate::diagnose::effect::Candidate;
+use crate::diagnose::effect::{Candidate, Wanted, effect_of};
 use crate::diagnose::gap::comparison::Comparison;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
@@ -35,8 +35,8 @@ use std::rc::Rc;
 /// reason.
 pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
 
-/// Attaches the library to a model.
-pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
+/// Attaches the effects wanted of the library to a model.
+pub type Offer<'a> = dyn Fn(&Model, &Wanted) -> Result<Offered, Errors> + 'a;
 
 /// An effect in the model as it stands.
 #[derive(Debug, Clone)]
@@ -99,7 +99,8 @@ pub fn diagnose(
         unstable: Vec::new(),
         added: Vec::new(),
         values: Vec::new(),
-        located: Vec::new(),
+        before: Vec::new(),
+        after: Vec::new(),
         missed: Vec::new(),
         varying: Vec::new(),
         unphysical: Vec::new(),
@@ -159,6 +160,7 @@ impl Search<'_> {
         }
         let most =
             self.subject.settings.thresholds.rounds_per_effect * self.subject.settings.effects + 2;
+        self.out.before = answering(&self.first(), &base, self.subject.settings);
         self.forward(&base)?;
         while !self.back(&base)? {
             // No end of it: what does not hold is taken out, and nothing comes in any more.
@@ -200,10 +202,10 @@ impl Search<'_> {
         self.subject.settings.thresholds.rivals
     }
 
-    /// The library for a model. What a round found to differ from a value of its column does so in all that
-    /// follow.
-    fn offered(&self, stand: &Stand) -> Result<Offered, Errors> {
-        let (mut candidates, skipped) = (self.offer)(&stand.model)?;
+    /// The effects wanted for a model. What a round found to differ from a value of its column does so in all
+    /// that follow.
+    fn offered(&self, stand: &Stand, wanted: &Wanted) -> Result<Offered, Errors> {
+        let (mut candidates, skipped) = (self.offer)(&stand.model, wanted)?;
         let differs = |j: &&Judged| !j.screened.references.is_empty();
         for judged in self.out.rounds.iter().flat_map(|r| &r.judged).filter(differs) {
             for candidate in candidates.iter_mut().filter(|c| c.name == judged.name) {
@@ -219,7 +221,8 @@ impl Search<'_> {
     fn chained(&self, links: &[Link]) -> Result<Option<(Stand, Vec<Candidate>)>, Errors> {
         let (mut stand, mut added) = (self.first(), Vec::new());
         for link in links {
-            let (candidates, _) = self.offered(&stand)?;
+            let (candidates, _) =
+                self.offered(&stand, &|effect| effect == effect_of(&link.name))?;
             let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) else {
                 return Ok(None);
             };
@@ -238,7 +241,7 @@ impl Search<'_> {
                 return Ok(());
             }
             let found = made.as_deref().unwrap_or(base);
-            let (mut candidates, skipped) = self.offered(&stand)?;
+            let (mut candidates, skipped) = self.offered(&stand, &|_| true)?;
             if self.out.rounds.is_empty() {
                 self.out.skipped = skipped;
             }
@@ -293,14 +296,9 @@ impl Search<'_> {
     ) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
-        // What is left is looked at once before each addition; the tests of single effects change little of it.
-        let located = match offered.2 {
-            None => answering(stand, found, self.subject.settings),
-            Some(_) => Vec::new(),
-        };
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
         let mut round =
-            held_against(stand, found, &case, located, offered, (self.subject, &self.fits), &tell)?;
+            held_against(stand, found, &case, offered, (self.subject, &self.fits), &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
         Ok(round)
     }

@@ -33,19 +33,18 @@ pub fn ended(
     let (case, settings) = (last.case(), subject.settings);
     // What takes small movements out of a record leaves some of its noise, which is not what more of it
     // would be: what that does is known of the model without.
-    let located = match out.rounds.first().filter(|_| is_of_records(out)) {
-        Some(first) => first.located.clone(),
-        None => answering(stand, last, settings),
+    out.after = match is_of_records(out) || out.added.is_empty() {
+        true => out.before.clone(),
+        false => answering(stand, last, settings),
     };
     out.values = values(&case, stand, &last.fit.theta);
-    out.located = located.into_iter().filter(|l| l.is_real()).collect();
     out.missed = missed(last, &case, settings);
     out.varying = varying(last, &case, subject);
     out.comparison = comparison(subject, base, last)?;
     out.turned = turned(&out.comparison.shifts, &settings.thresholds);
     out.unphysical = unphysical(last, &settings.thresholds);
     out.unsettled = unsettled(out, &settings.thresholds);
-    out.complete = out.located.is_empty()
+    out.complete = out.located().next().is_none()
         && out.doubts.is_empty()
         && out.unsettled.is_empty()
         && out.missed.is_empty()
@@ -83,7 +82,8 @@ pub fn ended(
 /// Nothing else shows with all of them in place, or what shows without them is contradicted.
 fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     let found = is_of_records(out) && out.doubts.iter().all(|(name, _)| out.is_of_record(name));
-    let else_nothing = out.located.is_empty() && out.missed.is_empty() && out.unphysical.is_empty();
+    let else_nothing =
+        out.located().next().is_none() && out.missed.is_empty() && out.unphysical.is_empty();
     let last = out.rounds.iter().rfind(|round| !round.strict);
     let in_place = |round: &&Round| {
         let is_in = |name: &String| round.base.contains(name);
@@ -165,7 +165,7 @@ fn stands_out(j: &Judged, round: &Round, thresholds: &Thresholds) -> bool {
 fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
-    let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
+    let left = out.located().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
         let shown = out.rounds.first().is_some_and(|round| shows(round, thresholds));
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };

@@ -4,7 +4,6 @@
 use super::refit::Refit;
 use super::tried::Screened;
 use crate::diagnose::effect;
-use crate::diagnose::residual::located::Located;
 
 /// What became of a candidate in a round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,8 +120,6 @@ pub struct Round {
     pub judged: Vec<Judged>,
     /// Those that pass alike, best evidence first; the first one is added.
     pub class: Vec<usize>,
-    /// Outputs that respond to a source in this round's base.
-    pub located: Vec<Located>,
     /// Candidates that this round's base has already.
     pub base: Vec<String>,
     /// It tests one effect with all others in place; otherwise it looks for the next.

@@ -13,7 +13,6 @@ use super::tried::{Reference, Screened};
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::stand::Stand;
 use crate::diagnose::effect::Candidate;
-use crate::diagnose::residual::located::Located;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::Subject;
 use crate::error::Errors;
@@ -32,7 +31,6 @@ pub fn held_against(
     stand: &Stand,
     found: &Found,
     case: &Case,
-    located: Vec<Located>,
     (candidates, least, tested): (&[Candidate], f64, Option<&str>),
     (subject, fits): (&Subject, &Fits),
     progress: &dyn Fn(&str),
@@ -158,7 +156,7 @@ pub fn held_against(
         };
         (judged[i].standing, judged[i].why) = (standing, words);
     }
-    Ok(Round { limit, judged, class, located, base: Vec::new(), strict: false })
+    Ok(Round { limit, judged, class, base: Vec::new(), strict: false })
 }
 
 /// A candidate whose sizes that differ by a column stay at null at these values of it.

@@ -81,8 +81,10 @@ pub struct Diagnosis {
     pub added: Vec<effect::Candidate>,
     /// Values of the added parameters in the last fit, with everything free.
     pub values: Vec<(String, f64)>,
-    /// Outputs that still respond to a source in the end.
-    pub located: Vec<Located>,
+    /// Whether an output responds to a source, of every pair: before anything is added, and in the end. Of what
+    /// is nothing but noise of records both are of the model without it.
+    pub before: Vec<Located>,
+    pub after: Vec<Located>,
     /// Parameters of the base that differ from maneuver to maneuver, in the end.
     pub varying: Vec<Varying>,
     /// What speaks against the model with everything that was named, as a whole.
@@ -106,6 +108,11 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Outputs that still respond to a source in the end.
+    pub fn located(&self) -> impl Iterator<Item = &Located> {
+        self.after.iter().filter(|l| l.is_real())
+    }
+
     /// Whether effects are named: what is only located makes no model.
     pub fn is_named(&self) -> bool {
         let nothing = matches!(self.verdict, Verdict::Located | Verdict::None(_));

@@ -138,8 +138,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         diagnose::together(&base.model, &base.settings.method, &mut segments, &claim)?;
     let rule = diagnose::held_out(&segments, &names, settings);
     let context = context(&config.settings.roles, &base.model, &segments);
-    let offer = |model: &Model| {
-        let offer = effect::candidates(model, &context, &config.effects);
+    let offer = |model: &Model, wanted: &effect::Wanted| {
+        let offer = effect::candidates_of(model, &context, &config.effects, wanted);
         Ok((offer.candidates, offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect()))
     };
     let held_out = &rule.held_out[..];
@@ -212,7 +212,7 @@ fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -
     // Most of a library is about something that a model does not have; the list is for whoever misses
     // one. Effects of the user's own are there to be tried.
     let own = |name: &str| {
-        let of = name.split(':').next().unwrap_or_default();
+        let of = effect::effect_of(name);
         config.effects.iter().any(|e| e.name == of && e.place.is_some())
     };
     let (mine, library): (Vec<_>, Vec<_>) =

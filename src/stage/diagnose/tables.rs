@@ -314,18 +314,14 @@ fn held_out(outcome: &Outcome) -> Result<Table> {
 
 fn located(outcome: &Outcome) -> Result<Table> {
     let d = &outcome.diagnosis;
-    let rounds = d
-        .rounds
-        .iter()
-        .enumerate()
-        .flat_map(|(i, r)| r.located.iter().map(move |l| (i as i64 + 1, l)));
-    let rows: Vec<_> = rounds.collect();
+    let before = d.before.iter().map(|l| ("before", l));
+    let rows: Vec<_> = before.chain(d.after.iter().map(|l| ("after", l))).collect();
     let number = |of: &dyn Fn(&crate::diagnose::Located) -> f64| {
         rows.iter().map(|r| of(r.1)).collect::<Vec<f64>>()
     };
     Table::build("located")
         .repeat("diagnosis", &outcome.config.name())
-        .i64("round", rows.iter().map(|r| r.0).collect::<Vec<_>>())
+        .strings("when", rows.iter().map(|r| r.0))
         .strings("output", rows.iter().map(|r| &r.1.output))
         .strings("source", rows.iter().map(|r| &r.1.source))
         .f64("gain", number(&|l| l.gain))

@@ -225,8 +225,7 @@ fn counted(texts: impl Iterator<Item = String>) -> String {
 /// believed, held-out maneuvers that are missed.
 fn unexplained(outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
-    let responses =
-        d.located.iter().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
+    let responses = d.located().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
     let doubts =
         d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
     let missed = d.missed.iter().map(|m| missed(outcome, m));

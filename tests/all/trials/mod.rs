@@ -67,8 +67,8 @@ fn diagnosed(
         context: &context,
         settings: &settings,
     };
-    let offer = |model: &koehler::model::Model| {
-        let offer = effect::candidates(model, &context, &library);
+    let offer = |model: &koehler::model::Model, wanted: &effect::Wanted| {
+        let offer = effect::candidates_of(model, &context, &library, wanted);
         let skipped = offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect();
         Ok((offer.candidates, skipped))
     };
@@ -198,7 +198,7 @@ fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
             );
         }
     }
-    for l in d.located.iter().take(4) {
+    for l in d.located().take(4) {
         let _ = write!(text, "\n {l:?}");
     }
     text
@@ -349,7 +349,7 @@ fn votes(diagnosis: &Diagnosis) -> Vec<String> {
         .turbulence
         .iter()
         .filter_map(|t| Some(format!("left: {}", t.objection.as_ref()?)));
-    let located = diagnosis.located.iter().take(2);
+    let located = diagnosis.located().take(2);
     let located = located.map(|l| format!("{} responds to {}", l.output, l.source));
     let doubts = diagnosis.doubts.iter().map(|(name, why)| format!("{name}, but {why}"));
     let missed = diagnosis.missed.iter().map(|m| format!("{m:?}"));

@@ -3,6 +3,7 @@
 
 use super::{Link, Search, link};
 use crate::diagnose::base::found::Found;
+use crate::diagnose::effect::effect_of;
 use crate::diagnose::search::decide::gives_way;
 use crate::diagnose::search::judged::{Judged, Round};
 use crate::diagnose::search::stability::{Stability, stability};
@@ -90,7 +91,8 @@ impl Search<'_> {
             if let Some((stand, _)) = self.chained(&others)? {
                 let made = self.with(&stand, base)?;
                 let found = made.as_deref().unwrap_or(base);
-                let (candidates, _) = self.offered(&stand)?;
+                let takes_part = |effect: &str| round.judged.iter().any(|j| j.effect == effect);
+                let (candidates, _) = self.offered(&stand, &takes_part)?;
                 finding.stability =
                     stability((&stand, found), (round, finding.added), &candidates, self.subject)?;
             }
@@ -128,8 +130,11 @@ impl Search<'_> {
             this.name
         ));
         let Some((stand, _)) = self.chained(&others)? else { return Ok(None) };
-        let (mut candidates, _) = self.offered(&stand)?;
-        candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
+        let takes_part = |name: &String| *name == this.name || this.rivals.contains(name);
+        let names = || this.rivals.iter().chain([&this.name]);
+        let wanted = |effect: &str| names().any(|name| effect_of(name) == effect);
+        let (mut candidates, _) = self.offered(&stand, &wanted)?;
+        candidates.retain(|c| takes_part(&c.name));
         let made = self.with(&stand, base)?;
         if made.is_none() && !others.is_empty() {
             return Ok(None);
