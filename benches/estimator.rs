@@ -32,7 +32,10 @@ fn main() {
         return one.install(filter);
     }
     if std::env::args().any(|a| a == "six") {
-        return one.install(six_alone);
+        return one.install(|| alone("6-DoF", &six_dof_briefly(10), 100));
+    }
+    if let (true, Some(ten)) = (std::env::args().any(|a| a == "ten"), hfb320(10)) {
+        return one.install(|| alone("HFB-320, ten segments", &ten, 2000));
     }
     one.install(|| {
         println!("{:46} {:>12} {:>10} {:>7} {:>7}   share of peak", "one thread", "", "ms", "must", "aim");
@@ -142,13 +145,11 @@ fn filter() {
     line("6-DoF, 12 states, 60 parameters", [&six_dof(1), &six_dof_filtered(1)], 10.0);
 }
 
-/// Nothing but iterations of six degrees of freedom by machine code, for a profiler.
-fn six_alone() {
-    let work = six_dof_briefly(10);
-    let runs = 100;
+/// Nothing but iterations of one work by machine code, for a profiler.
+fn alone(name: &str, work: &Work, runs: usize) {
     let seconds = least(runs, || work.estimate(5, Tier::Native));
     println!(
-        "6-DoF, machine code: five iterations and a set-up {:.2} ms, {runs} times",
+        "{name}, machine code: five iterations and a set-up {:.2} ms, {runs} times",
         1e3 * seconds
     );
 }

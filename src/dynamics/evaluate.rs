@@ -6,7 +6,7 @@ use super::propagator::Compiled;
 use super::propagator::Propagator;
 use super::rows::LANES;
 use super::tableau::{AHEAD, WEIGHT};
-use crate::math::simd::Aligned;
+use crate::math::pool::Lent;
 use crate::model::machine::Lanes;
 use crate::model::{Program, Tables};
 
@@ -143,7 +143,7 @@ pub(super) struct Many<'p> {
     lanes: Option<&'p Lanes>,
     tables: &'p Tables,
     /// Registers `[register][lane]`.
-    file: Aligned,
+    file: Lent,
     width: usize,
     /// The numbers of a point that the program reads.
     read: Vec<usize>,
@@ -155,20 +155,22 @@ impl<'p> Many<'p> {
         propagator: &'p Propagator,
         parameters: &[f64],
     ) -> Self {
-        let mut file = program.registers::<LANES>();
+        let (width, tables) = (propagator.layout.time() + 1, &propagator.tables);
+        let mut registers = Lent::zeros(program.file_len() * LANES);
+        let file = registers.rows::<LANES>();
+        program.constants_into(file);
         for (i, p) in parameters.iter().enumerate().take(propagator.layout.parameters) {
             file[propagator.layout.parameter() + i] = [*p; LANES];
         }
-        program.prepare(&mut file, &propagator.tables);
-        let width = propagator.layout.time() + 1;
-        Many {
-            program,
-            lanes: None,
-            tables: &propagator.tables,
-            file: Aligned::of_rows(&file),
-            width,
-            read: program.reads(width),
-        }
+        program.prepare(file, tables);
+        let read = program.reads(width);
+        Many { program, lanes: None, tables, file: registers, width, read }
+    }
+
+    /// Of a program that nobody runs: without registers.
+    pub(super) fn idle(program: &'p Program, propagator: &'p Propagator) -> Self {
+        let (tables, file) = (&propagator.tables, Lent::zeros(0));
+        Many { program, lanes: None, tables, file, width: 0, read: Vec::new() }
     }
 
     /// By machine code, if there is any.
@@ -199,18 +201,22 @@ impl<'p> Many<'p> {
         self.file.rows_of()
     }
 
-    /// All outputs at all `points`, rows of the number of outputs.
-    pub(super) fn over(&mut self, points: &[f64], out: &mut [f64]) {
-        let (n, m) = (points.len() / self.width, self.program.outputs());
-        if m == 0 {
-            return;
-        }
-        for (first, rows) in (0..n).step_by(LANES).zip(out.chunks_mut(LANES * m)) {
-            let program = self.program;
+    /// All outputs at one point.
+    pub(super) fn at(&mut self, point: &[f64], out: &mut [f64]) {
+        let program = self.program;
+        let file = self.block(point, 0);
+        out.iter_mut().enumerate().for_each(|(k, out)| *out = program.output(file, k)[0]);
+    }
+
+    /// All outputs at all `points`, each into its own of `out`, from place `begin` on.
+    pub(super) fn over(&mut self, points: &[f64], out: &mut [Vec<f64>], begin: usize) {
+        let n = points.len() / self.width;
+        for first in (0..n).step_by(LANES) {
+            let (program, live) = (self.program, LANES.min(n - first));
             let file = self.block(points, first);
-            for k in 0..m {
-                let lanes = program.output(file, k);
-                rows.iter_mut().skip(k).step_by(m).zip(lanes).for_each(|(to, value)| *to = *value);
+            for (k, out) in out.iter_mut().enumerate() {
+                let lanes = &program.output(file, k)[..live];
+                out[begin + first..][..live].copy_from_slice(lanes);
             }
         }
     }

@@ -17,24 +17,35 @@ const CHUNK: usize = 32;
 /// Grid steps between two looks at the Jacobian where sub-steps are chosen along the way.
 const LOOK: usize = 64;
 
-/// Runs `record` from its start point to its end. The sensitivities stand apart, per output
-/// `[point][direction]`; empty unless asked for.
+/// What a run gives of every output.
+pub struct Columns {
+    /// `[output][point]`
+    pub values: Vec<Vec<f64>>,
+    /// `[output][point][direction]`; empty unless asked for.
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// Runs `record` from its start point to its end. Values and sensitivities stand apart, output by output.
 pub fn run(
     propagator: &Propagator,
     parameters: &[f64],
     given: &[f64],
     record: &Record,
     sensitivities: bool,
-) -> (Grid, Vec<Vec<f64>>) {
+) -> (Grid, Columns) {
     let (nx, nu, ny) =
         (propagator.layout.states, propagator.layout.inputs, propagator.outputs.len());
     let n = record.n.saturating_sub(record.start);
     let nd = propagator.directions.len();
-    let mut grid = Grid { n, y: pool::take(n * ny), finite: true, ..Default::default() };
+    let mut grid = Grid { n, finite: true, ..Default::default() };
+    let mut values: Vec<Vec<f64>> = (0..ny).map(|_| pool::take(n)).collect();
     if n == 0 || record.inputs.len() < record.n * nu {
-        grid.y.fill(f64::NAN);
+        values.iter_mut().for_each(|values| values.fill(f64::NAN));
         grid.finite = n == 0;
-        return (grid, vec![Vec::new(); if sensitivities { ny } else { 0 }]);
+        return (
+            grid,
+            Columns { values, rows: vec![Vec::new(); if sensitivities { ny } else { 0 }] },
+        );
     }
     let file = start_file(
         &propagator.starts,
@@ -86,17 +97,16 @@ pub fn run(
         };
         let good = lost.map_or(end, |(k, _)| k);
         let width = propagator.layout.time() + 1;
-        outputs.over(&chunk.points[..(good - first) * width], &mut grid.y[first * ny..good * ny]);
-        let bad = match finite(&grid.y[first * ny..good * ny]) {
+        outputs.over(&chunk.points[..(good - first) * width], &mut values, first);
+        let bad = match values.iter().all(|values| finite(&values[first..good])) {
             true => None,
-            false => {
-                (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()))
-            }
+            false => (first..good).find(|&k| values.iter().any(|values| !values[k].is_finite())),
         };
         if let Some((k, why)) = bad.map(|k| (k, Lost::Diverges)).or(lost) {
             (grid.finite, grid.lost) = (false, Some(why));
-            grid.y[k * ny..].fill(f64::NAN);
-            return (grid, vec![vec![f64::NAN; n * nd]; if sensitivities { ny } else { 0 }]);
+            values.iter_mut().for_each(|values| values[k..].fill(f64::NAN));
+            let rows = vec![vec![f64::NAN; n * nd]; if sensitivities { ny } else { 0 }];
+            return (grid, Columns { values, rows });
         }
         if let Some(tangent) = &mut tangent {
             tangent.advance(&run, &chunk);
@@ -104,9 +114,9 @@ pub fn run(
     }
     grid.x_end = x;
     grid.stuck = run.stuck();
-    let Some(tangent) = tangent else { return (grid, Vec::new()) };
+    let Some(tangent) = tangent else { return (grid, Columns { values, rows: Vec::new() }) };
     grid.finite &= tangent.is_finite();
-    (grid, tangent.rows)
+    (grid, Columns { values, rows: tangent.rows })
 }
 
 /// Whether all numbers are finite: zero times each of them is zero then. Sixteen sums side by side,

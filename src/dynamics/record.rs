@@ -105,6 +105,9 @@ impl Weights {
     }
 }
 
+/// A sample so near a point of the grid, in steps of it, is at the point.
+const AT_POINT: f64 = 1e-6;
+
 impl Record {
     /// How far behind its grid point a value of input `j` stands where the input is read as a smooth curve,
     /// in steps of the grid.
@@ -118,18 +121,22 @@ impl Record {
     /// Where the samples of a channel lie on the grid: none where there is one at every grid point from the start point on.
     pub fn sampling(&self, channel: &Channel) -> Option<Vec<Option<Weights>>> {
         let n = self.n.saturating_sub(self.start);
-        let there =
-            |(k, &t): (usize, &f64)| self.weights(t).is_some_and(|w| w.len == 1 && w.first == k);
+        let there = |(k, &t): (usize, &f64)| (self.place(t) - k as f64).abs() < AT_POINT;
         let is_grid = channel.t.len() == n && channel.t.iter().enumerate().all(there);
         (!is_grid).then(|| channel.t.iter().map(|&t| self.weights(t)).collect())
+    }
+
+    /// Steps of the grid from the start point to time `t`.
+    fn place(&self, t: f64) -> f64 {
+        (t - self.t0) / self.dt - self.start as f64
     }
 
     /// Weights of the grid values for time `t`; `None` outside the grid.
     pub fn weights(&self, t: f64) -> Option<Weights> {
         let n = self.n.saturating_sub(self.start);
-        let at = (t - self.t0) / self.dt - self.start as f64;
+        let at = self.place(t);
         let nearest = at.round();
-        if (at - nearest).abs() < 1e-6 && nearest >= 0.0 && (nearest as usize) < n {
+        if (at - nearest).abs() < AT_POINT && nearest >= 0.0 && (nearest as usize) < n {
             return Some(Weights { first: nearest as usize, len: 1, w: [1.0, 0.0, 0.0, 0.0] });
         }
         if !(at >= 0.0 && at <= (n as f64) - 1.0) {

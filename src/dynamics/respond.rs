@@ -1,7 +1,7 @@
 //! A propagator and a record in; start values, trajectories and predictions at the samples of the
 //! record's channels out.
 
-use super::propagate;
+use super::propagate::{self, Columns};
 use super::propagator::Propagator;
 use super::record::Weights;
 use super::starts::evaluate_starts;
@@ -62,13 +62,16 @@ impl Propagator {
         record: &Record,
         sensitivities: bool,
     ) -> Grid {
-        let (mut grid, rows) = propagate::run(self, parameters, given, record, sensitivities);
+        let (mut grid, Columns { values, rows }) =
+            propagate::run(self, parameters, given, record, sensitivities);
         let nd = self.directions.len();
         let point =
             |k: usize| rows.iter().flat_map(move |row| row[k * nd..(k + 1) * nd].iter().copied());
         if sensitivities {
             grid.dy = (0..grid.n).flat_map(point).collect();
         }
+        grid.y = (0..grid.n).flat_map(|k| values.iter().map(move |values| values[k])).collect();
+        values.into_iter().for_each(pool::give);
         grid
     }
 
@@ -86,8 +89,9 @@ impl Propagator {
         record: &Record,
         sensitivities: bool,
     ) -> Response {
-        let (grid, mut rows) = propagate::run(self, parameters, given, record, sensitivities);
-        let (ny, nd) = (self.outputs.len(), self.directions.len());
+        let (grid, Columns { mut values, mut rows }) =
+            propagate::run(self, parameters, given, record, sensitivities);
+        let nd = self.directions.len();
         let mut out = Response { finite: grid.finite, ..Default::default() };
         // Channels of one topic have their times in common.
         let mut weights = None;
@@ -98,34 +102,37 @@ impl Propagator {
                 out.dy.extend(sensitivities.then(|| vec![0.0; channel.t.len() * nd]));
                 continue;
             };
-            let y = |point: usize| grid.y[point * ny + column];
             if of != Some(&*channel.t) {
                 (weights, of) = (record.sampling(channel), Some(&*channel.t));
             }
-            let mut values = pool::take(channel.t.len());
-            match &weights {
-                None => values.iter_mut().enumerate().for_each(|(k, v)| *v = y(k)),
-                Some(weights) => {
-                    values
-                        .iter_mut()
-                        .zip(weights)
-                        .for_each(|(v, w)| *v = w.as_ref().map_or(f64::NAN, |w| w.value(y)));
-                }
-            }
-            out.y.push(values);
+            let again = record.channels[i + 1..].iter().any(|c| c.output == channel.output);
+            out.y.push(match &weights {
+                None => whole(&mut values[column], again),
+                Some(weights) => read(weights, &values[column]),
+            });
             if sensitivities {
-                let again = record.channels[i + 1..].iter().any(|c| c.output == channel.output);
                 out.dy.push(match &weights {
-                    None if again => rows[column].clone(),
-                    None => std::mem::take(&mut rows[column]),
+                    None => whole(&mut rows[column], again),
                     Some(weights) => between(weights, &rows[column], nd),
                 });
             }
         }
-        pool::give(grid.y);
-        rows.into_iter().for_each(pool::give);
+        values.into_iter().chain(rows).for_each(pool::give);
         out
     }
+}
+
+/// A column as it stands; a copy where it is asked for `again`.
+fn whole(column: &mut Vec<f64>, again: bool) -> Vec<f64> {
+    if again { column.clone() } else { std::mem::take(column) }
+}
+
+/// Values at the samples; not a number outside the grid.
+fn read(weights: &[Option<Weights>], values: &[f64]) -> Vec<f64> {
+    let mut out = pool::take(weights.len());
+    let value = |w: &Option<Weights>| w.as_ref().map_or(f64::NAN, |w| w.value(|k| values[k]));
+    out.iter_mut().zip(weights).for_each(|(out, w)| *out = value(w));
+    out
 }
 
 /// Sensitivities at the samples, `[sample][direction]`; zero outside the grid.

@@ -33,7 +33,7 @@ impl<'p> Stiffness<'p> {
 
     fn jacobian_at(&mut self, point: &[f64]) -> Vec<f64> {
         let nx = self.propagator.layout.states;
-        self.jacobian.over(point, &mut self.entries);
+        self.jacobian.at(point, &mut self.entries);
         let mut a = vec![0.0; nx * nx];
         for e in &self.propagator.linear.rates.states {
             a[e.row * nx + e.column] = self.entries[e.output];

@@ -11,7 +11,7 @@ use super::sweep::Sweep;
 use super::sweep_rows::{Goal, RowSweep};
 use super::tableau::{AHEAD, WEIGHT};
 use super::values::{Chunk, Run};
-use crate::math::pool;
+use crate::math::pool::{self, Lent};
 use crate::math::simd::{Aligned, Width};
 use crate::model::Program;
 use crate::model::machine::Lanes;
@@ -41,7 +41,7 @@ pub struct Tangent<'p> {
     pub(super) lanes: usize,
     /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a
     /// grid point.
-    pub(super) s: Aligned,
+    pub(super) s: Lent,
     /// Sensitivities of the limits `[row][lanes]`, rows as in `Model::limits_program`.
     limits: Vec<f64>,
     /// Those of the states at the begin of a step, where stops take states along.
@@ -66,7 +66,8 @@ pub(super) struct Jacobian<'p> {
     block: Option<usize>,
     /// Whether `direct` is of that block.
     is_spread: bool,
-    direct: Aligned,
+    /// Parts that act by themselves, once somebody asks for them: machine code does not.
+    direct: Option<Lent>,
 }
 
 impl<'p> Jacobian<'p> {
@@ -76,10 +77,14 @@ impl<'p> Jacobian<'p> {
         propagator: &'p Propagator,
         parameters: &[f64],
     ) -> Self {
-        let mut direct = Aligned::default();
-        direct.zeros(rows.direct_size());
         let program = Many::new(program, propagator, parameters);
-        Jacobian { rows, program, block: None, is_spread: false, direct }
+        Jacobian { rows, program, block: None, is_spread: false, direct: None }
+    }
+
+    /// One that nobody asks.
+    fn idle(rows: &'p Rows, program: &'p Program, propagator: &'p Propagator) -> Self {
+        let program = Many::idle(program, propagator);
+        Jacobian { rows, program, block: None, is_spread: false, direct: None }
     }
 
     /// By machine code, if there is any.
@@ -105,28 +110,24 @@ impl<'p> Jacobian<'p> {
     /// The block that holds point `k` of `points`.
     pub(super) fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
         self.registers(points, k);
+        let size = self.rows.direct_size();
+        let direct = self.direct.get_or_insert_with(|| Lent::zeros(size));
         if !self.is_spread {
-            self.rows.spread(self.program.registers(), &mut self.direct);
+            self.rows.spread(self.program.registers(), direct);
             self.is_spread = true;
         }
-        Block { rows: self.rows, registers: self.program.registers(), direct: &self.direct }
+        Block { rows: self.rows, registers: self.program.registers(), direct }
     }
 }
 
 /// Sensitivities within a step: at its stages those of the states, behind them those of the delayed
 /// values.
 struct Work {
-    between: [Aligned; 2],
-    k: Aligned,
-    sum: Aligned,
+    between: [Lent; 2],
+    k: Lent,
+    sum: Lent,
     /// Those of the states at the grid points of a chunk.
-    kept: Aligned,
-}
-
-impl Drop for Work {
-    fn drop(&mut self) {
-        pool::give_aligned(std::mem::take(&mut self.kept));
-    }
+    kept: Lent,
 }
 
 /// What a step of a model with delays hands to its machine code, and gets back (see `Sweep`).
@@ -147,7 +148,7 @@ impl<'p> Tangent<'p> {
     ) -> Self {
         let (nd, ny) = (propagator.directions.len(), propagator.outputs.len());
         let lanes = propagator.directions.lanes();
-        let zeros = |rows: usize| Aligned::of_zeros(rows * lanes);
+        let zeros = |rows: usize| Lent::zeros(rows * lanes);
         let (nx, both) =
             (propagator.layout.states, propagator.layout.states + propagator.delays.len());
         let mut s = zeros(both);
@@ -156,8 +157,13 @@ impl<'p> Tangent<'p> {
         let jacobian = |rows, program, lanes: &'p Option<Lanes>| {
             Jacobian::new(rows, program, propagator, parameters).by(lanes.as_ref())
         };
-        let delays = || jacobian(&propagator.delay_rows, &linear.delays_program, &made.delays);
-        let limits = || jacobian(&propagator.limit_rows, &linear.limits_program, &made.limits);
+        // A plain model has neither delays nor limits nor movers.
+        let beyond = |rows, program, lanes: &'p Option<Lanes>| match propagator.plain() {
+            true => Jacobian::idle(rows, program, propagator),
+            false => jacobian(rows, program, lanes),
+        };
+        let delays = || beyond(&propagator.delay_rows, &linear.delays_program, &made.delays);
+        let limits = || beyond(&propagator.limit_rows, &linear.limits_program, &made.limits);
         let of_limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { 3 * nx * lanes }];
         let mut tangent = Tangent {
             propagator,
@@ -169,7 +175,7 @@ impl<'p> Tangent<'p> {
             end_delays: delays(),
             stage_limits: limits(),
             end_limits: limits(),
-            pushes: jacobian(&propagator.moving_rows, &linear.moving_program, &made.moving),
+            pushes: beyond(&propagator.moving_rows, &linear.moving_program, &made.moving),
             pushed: vec![0.0; 2 * propagator.moving.len() * lanes],
             lanes,
             s,
@@ -185,14 +191,15 @@ impl<'p> Tangent<'p> {
                 between: [zeros(both), zeros(both)],
                 k: zeros(nx),
                 sum: zeros(nx),
-                kept: pool::take_aligned(),
+                kept: Lent::empty(),
             },
             late: Late::default(),
             zeros: [0.0; 8],
         };
         if !propagator.plain() && propagator.native.sweep.is_some() {
-            tangent.late.from = zeros(nx + 4 * propagator.delays.len());
-            tangent.late.to = zeros(nx + tangent.remembered.count());
+            let late = |rows: usize| Aligned::of_zeros(rows * lanes);
+            tangent.late.from = late(nx + 4 * propagator.delays.len());
+            tangent.late.to = late(nx + tangent.remembered.count());
         }
         if !tangent.limits.is_empty() && !propagator.limits_move {
             let point = vec![0.0; propagator.layout.time() + 1];

@@ -291,9 +291,13 @@ impl Run<'_> {
             chunk.points.resize((steps + 1) * width, 0.0);
             self.arguments(first + steps, 0.0, x, &mut chunk.points[steps * width..]);
         }
+        // A state that is not finite stays so: where the last ones are, all are.
+        if x.iter().all(|v| v.is_finite()) {
+            return None;
+        }
         let lost = |row: &[f64]| row[..x.len()].iter().any(|v| !v.is_finite());
         let at = chunk.points.chunks_exact(width).position(lost).map(|k| first + k);
-        at.or_else(|| x.iter().any(|v| !v.is_finite()).then_some(points.end).filter(|&end| end < n))
+        at.or(Some(points.end).filter(|&end| end < n))
     }
 
     /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps

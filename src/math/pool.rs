@@ -74,18 +74,53 @@ pub fn give(buffer: Vec<f64>) {
     });
 }
 
-/// An aligned buffer of no length, with the memory of the last one that was given back.
-pub fn take_aligned() -> Aligned {
-    ALIGNED.with_borrow_mut(Vec::pop).unwrap_or_default()
+/// An aligned buffer whose memory was that of another one, and is kept for the next.
+pub struct Lent(Aligned);
+
+impl Lent {
+    /// One of no length.
+    pub fn empty() -> Lent {
+        Lent(ALIGNED.with_borrow_mut(Vec::pop).unwrap_or_default())
+    }
+
+    /// So many zeros.
+    pub fn zeros(len: usize) -> Lent {
+        let mut lent = Lent::empty();
+        lent.0.zeros(len);
+        lent
+    }
 }
 
-/// Keeps the memory of an aligned buffer.
-pub fn give_aligned(buffer: Aligned) {
-    ALIGNED.with_borrow_mut(|free| {
-        if free.len() < MOST {
-            free.push(buffer);
-        }
-    });
+impl Default for Lent {
+    fn default() -> Lent {
+        Lent::empty()
+    }
+}
+
+impl std::ops::Deref for Lent {
+    type Target = Aligned;
+    fn deref(&self) -> &Aligned {
+        &self.0
+    }
+}
+
+impl std::ops::DerefMut for Lent {
+    fn deref_mut(&mut self) -> &mut Aligned {
+        &mut self.0
+    }
+}
+
+impl Drop for Lent {
+    fn drop(&mut self) {
+        let buffer = std::mem::take(&mut self.0);
+        // a thread that ends has no list any more
+        let _ = ALIGNED.try_with(|free| {
+            let mut free = free.borrow_mut();
+            if free.len() < MOST {
+                free.push(buffer);
+            }
+        });
+    }
 }
 
 #[cfg(test)]

@@ -177,10 +177,13 @@ impl Program {
     /// A register file for this program with its constants set; leaves are for the caller to fill.
     pub fn registers<const W: usize>(&self) -> Vec<[f64; W]> {
         let mut file = vec![[0.0; W]; self.registers];
-        for &(slot, x) in &self.constants {
-            file[slot as usize] = [x; W];
-        }
+        self.constants_into(&mut file);
         file
+    }
+
+    /// Sets the constants of a register file.
+    pub fn constants_into<const W: usize>(&self, file: &mut [[f64; W]]) {
+        self.constants.iter().for_each(|&(slot, x)| file[slot as usize] = [x; W]);
     }
 
     /// Number of registers.

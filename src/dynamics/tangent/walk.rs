@@ -164,7 +164,7 @@ impl Tangent<'_> {
             left: (&self.passed, &[]),
         };
         put.on_stops(block, &mut self.limits, from);
-        let k = history.then_some(&mut **k);
+        let k = history.then_some(&mut k[..]);
         let mut job = Steps {
             s: &mut self.s,
             sum,
