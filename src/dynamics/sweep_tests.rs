@@ -80,7 +80,9 @@ impl Case {
         let rows = Rows::new(&sparse, &program, count, states, lanes);
         let mut direct = Aligned::of_zeros(rows.direct_size());
         rows.spread(&file, &mut direct);
-        Case { rows, registers: Aligned::of_rows(&file), direct }
+        let mut registers = Aligned::of_zeros(file.len() * LANES);
+        registers.copy_from_slice(file.as_flattened());
+        Case { rows, registers, direct }
     }
 
     fn block(&self) -> Block<'_> {

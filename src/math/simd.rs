@@ -305,14 +305,6 @@ impl Aligned {
         out
     }
 
-    /// A copy of rows of `W` numbers.
-    pub fn of_rows<const W: usize>(rows: &[[f64; W]]) -> Aligned {
-        let mut out = Aligned::default();
-        out.zeros(rows.len() * W);
-        out.copy_from_slice(rows.as_flattened());
-        out
-    }
-
     /// The numbers as rows of `W`.
     pub fn rows_of<const W: usize>(&self) -> &[[f64; W]] {
         self.as_chunks::<W>().0
