@@ -191,7 +191,7 @@ impl<'p> Tangent<'p> {
                 between: [zeros(both), zeros(both)],
                 k: zeros(nx),
                 sum: zeros(nx),
-                kept: Lent::empty(),
+                kept: Lent::any(),
             },
             late: Late::default(),
             zeros: [0.0; 8],

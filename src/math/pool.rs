@@ -78,14 +78,14 @@ pub fn give(buffer: Vec<f64>) {
 pub struct Lent(Aligned);
 
 impl Lent {
-    /// One of no length.
-    pub fn empty() -> Lent {
+    /// One of any length and content, for whoever resizes it and writes what is read.
+    pub fn any() -> Lent {
         Lent(ALIGNED.with_borrow_mut(Vec::pop).unwrap_or_default())
     }
 
     /// So many zeros.
     pub fn zeros(len: usize) -> Lent {
-        let mut lent = Lent::empty();
+        let mut lent = Lent::any();
         lent.0.zeros(len);
         lent
     }
@@ -93,7 +93,7 @@ impl Lent {
 
 impl Default for Lent {
     fn default() -> Lent {
-        Lent::empty()
+        Lent::any()
     }
 }
 
