@@ -6,6 +6,11 @@ use crate::dynamics::{Interpolation, Record, between_samples};
 use crate::least_squares::Block;
 use std::borrow::Cow;
 
+/// Differences to both sides are taken over this share of a step of the grid. What is held, and an output's line
+/// between two points, changes its slope from one step to the next: differences over a whole one would mix the
+/// slopes of both, and the iteration would not come to rest.
+const INSIDE: f64 = 1.0 / 64.0;
+
 /// Whose record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Of {
@@ -18,7 +23,8 @@ pub(super) enum Of {
 pub(super) struct Shifted<'a> {
     pub case: &'a Case,
     pub of: &'a [Of],
-    /// Whether differences are taken to both sides, or to one, which is half the work.
+    /// Whether differences are taken close by and to both sides, or over a step of the grid to one, which is half the
+    /// work.
     pub both: bool,
 }
 
@@ -84,7 +90,7 @@ impl Shifted<'_> {
             group.iter().for_each(|&j| late[j] += h);
             at(&late)
         };
-        let h = record.dt;
+        let h = if self.both { INSIDE * record.dt } else { record.dt };
         let one = |group: &Vec<usize>| {
             let after = by(group, h)?;
             Some(match self.both {

@@ -31,8 +31,13 @@ const LONGEST: f64 = 0.5;
 const MUCH: f64 = 0.1;
 /// Records that are told at most.
 const MOST: usize = 4;
-/// Iterations with them.
+/// Iterations with them, and how often a step is halved: a share of a standard deviation more or less changes
+/// nothing that is told. Where an input is held between its samples the cost has kinks at every point of the
+/// grid, and at one of them no step brings anything, however short.
 const FEW: usize = 10;
+const HALVINGS: usize = 6;
+/// The whole step is shorter than so many standard deviations.
+const NEAR: f64 = 0.1;
 
 /// Records that look late.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +74,15 @@ impl Case {
         let shifted = Shifted { case: self, of: &chosen, both: true };
         let evaluate = |s: usize, local: &[f64], slopes: bool| shifted.evaluate(s, local, slopes);
         let layout = Layout { start: wide(&solution.fit.theta, nc, k), ..self.layout.widened(k) };
-        let method = Method { max_iterations: FEW, ..settings.method() };
+        let method = settings.method();
+        let method = Method {
+            max_iterations: FEW,
+            max_halvings: method.max_halvings.min(HALVINGS),
+            step_tolerance: method.step_tolerance.max(NEAR),
+            gradient_tolerance: 0.0,
+            turns: false,
+            ..method
+        };
         let later = judged(&layout, &evaluate, settings, minimise(&layout, &evaluate, &method));
         let late = |j: usize| {
             let (sd, _) = later.deviation(nc + j)?;
