@@ -51,23 +51,75 @@ impl Between {
 /// One row of `from`, which has a row for each grid point.
 fn fill(row: &mut [f64], record: &Record, from: &[f64], k: usize, c: f64) {
     let nu = row.len();
-    let last = record.n - 1;
-    let at = |k: usize| &from[k.min(last) * nu..][..nu];
-    let (here, next) = (at(k), at(k + 1));
-    if c == 0.0 {
-        return row.copy_from_slice(here);
-    }
-    // The fraction as the sum of both leaves it: the same bits as a position on the grid.
-    let s = (k as f64 + c) - k as f64;
-    let (before, behind) = (at(k.saturating_sub(1)), at(k + 2));
     for (j, value) in row.iter_mut().enumerate() {
-        *value = match record.interpolation.get(j).copied().unwrap_or_default() {
-            Interpolation::Hold => here[j],
-            Interpolation::Linear | Interpolation::Ramps => here[j] + c * (next[j] - here[j]),
-            Interpolation::Cubic if s >= 1.0 => next[j],
-            Interpolation::Cubic => history::value([before[j], here[j], next[j], behind[j]], s),
-        };
+        *value = Column::of(record, from, nu, j).at(k, c);
     }
+}
+
+/// An input, or its rate, on the grid.
+#[derive(Clone, Copy)]
+pub(super) struct Column<'a> {
+    /// Rows of all columns, from this one's first value on.
+    from: &'a [f64],
+    /// How many columns there are.
+    nu: usize,
+    last: usize,
+    kind: Interpolation,
+}
+
+impl<'a> Column<'a> {
+    /// Column `j` of `from`, which has a row of `nu` for each grid point.
+    pub(super) fn of(record: &Record, from: &'a [f64], nu: usize, j: usize) -> Column<'a> {
+        let kind = record.interpolation.get(j).copied().unwrap_or_default();
+        Column { from: &from[j..], nu, last: record.n - 1, kind }
+    }
+
+    /// Its value at a fraction `c` (0 to 1) of the step behind grid point `k`.
+    #[inline(always)]
+    pub(super) fn at(self, k: usize, c: f64) -> f64 {
+        let here = self.point(k);
+        if c == 0.0 {
+            return here;
+        }
+        // The fraction as the sum of both leaves it: the same bits as a position on the grid.
+        let s = (k as f64 + c) - k as f64;
+        match self.kind {
+            Interpolation::Hold => here,
+            Interpolation::Linear | Interpolation::Ramps => line(here, self.point(k + 1), c),
+            Interpolation::Cubic if s >= 1.0 => self.point(k + 1),
+            Interpolation::Cubic => {
+                let around = [k.saturating_sub(1), k, k + 1, k + 2];
+                history::value(around.map(|k| self.point(k)), s)
+            }
+        }
+    }
+
+    /// Its values at these fractions of the step behind grid point `k`.
+    #[inline(always)]
+    pub(super) fn over<'o>(
+        self,
+        k: usize,
+        fractions: &[f64],
+        out: impl Iterator<Item = &'o mut f64>,
+    ) {
+        let both = fractions.iter().zip(out);
+        if let Interpolation::Linear | Interpolation::Ramps = self.kind {
+            let (here, next) = (self.point(k), self.point(k + 1));
+            return both.for_each(|(&c, value)| *value = line(here, next, c));
+        }
+        both.for_each(|(&c, value)| *value = self.at(k, c));
+    }
+
+    #[inline(always)]
+    fn point(self, k: usize) -> f64 {
+        self.from[k.min(self.last) * self.nu]
+    }
+}
+
+/// The straight line from `a` to `b` at a fraction of it.
+#[inline(always)]
+fn line(a: f64, b: f64, c: f64) -> f64 {
+    if c == 0.0 { a } else { a + c * (b - a) }
 }
 
 #[cfg(test)]

@@ -56,13 +56,6 @@ pub enum Interpolation {
     Ramps,
 }
 
-impl Interpolation {
-    /// Whether it is straight between two points of the grid.
-    pub fn is_straight(self) -> bool {
-        matches!(self, Interpolation::Linear | Interpolation::Ramps)
-    }
-}
-
 /// Inputs on a uniform grid and what was measured meanwhile.
 #[derive(Debug, Clone, Default, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct Record {

@@ -1,7 +1,7 @@
 //! A chunk of a record, grid point by grid point: states in; values, and what the later passes need
 //! of every stage, out.
 
-use super::between::Between;
+use super::between::{Between, Column};
 use super::evaluate::{Programs, Single};
 use super::history::{self, Past};
 use super::lead::Lead;
@@ -36,6 +36,8 @@ pub(super) struct Run<'p> {
     pub(super) stage: Vec<f64>,
     pub(super) sum: Vec<f64>,
     pub(super) begin: Vec<f64>,
+    /// Where the stages of a grid step are, as shares of it.
+    pub(super) shares: Vec<f64>,
     /// Limits at the begin and in the middle of a step, where they change.
     pub(super) passed: [Vec<f64>; 2],
     pub(super) scratch: Vec<f64>,
@@ -62,7 +64,7 @@ impl<'p> Run<'p> {
             Vec::new()
         };
         let nu = propagator.layout.inputs;
-        let (times, x_history, f_history, stage, sum, begin) = Default::default();
+        let (times, x_history, f_history, stage, sum, begin, shares) = Default::default();
         let count = propagator.moving.len();
         Run {
             propagator,
@@ -80,6 +82,7 @@ impl<'p> Run<'p> {
             stage,
             sum,
             begin,
+            shares,
             passed: Default::default(),
             scratch: vec![0.0; propagator.layout.time() + 1],
         }
@@ -301,37 +304,28 @@ impl Run<'_> {
     }
 
     /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps
-    /// in each.
+    /// in each. Column by column: how one runs between its points is asked once.
     fn lay_out(&mut self, first: usize, m: usize, rows: &mut [f64]) {
         let (l, record) = (&self.propagator.layout, self.record);
         let (nu, width) = (l.inputs, l.time() + 1);
-        if m > 1 || record.interpolation.iter().any(|i| !i.is_straight()) {
-            let nothing = vec![0.0; l.states];
-            for (i, row) in rows.chunks_exact_mut(width).enumerate() {
-                let (step, stage) = (i / 4, i % 4);
-                self.arguments(
-                    first + step / m,
-                    ((step % m) as f64 + OFFSET[stage]) / m as f64,
-                    &nothing,
-                    row,
-                );
-            }
-            return;
-        }
-        for (step, rows) in rows.chunks_exact_mut(4 * width).enumerate() {
-            let at = (record.start + first + step) * nu;
-            for (from, to) in [(&*record.inputs, l.input()), (&self.slopes, l.input_rate())] {
-                let Some(both) = from.get(at..at + 2 * nu) else { continue };
-                for j in 0..nu {
-                    let (a, b) = (both[j], both[nu + j]);
-                    rows[to + j] = a;
-                    rows[width + to + j] = a + 0.5 * (b - a);
-                    rows[2 * width + to + j] = a + 0.5 * (b - a);
-                    rows[3 * width + to + j] = a + 1.0 * (b - a);
+        let share = |i: usize| ((i / 4) as f64 + OFFSET[i % 4]) / m as f64;
+        self.shares.clear();
+        self.shares.extend((0..4 * m).map(share));
+        let shares = &self.shares;
+        let columns = [(&*record.inputs, l.input()), (&*self.slopes, l.input_rate())];
+        for (from, to) in columns.into_iter().filter(|(from, _)| !from.is_empty()) {
+            for j in 0..nu {
+                let column = Column::of(record, from, nu, j);
+                for (k, step) in rows.chunks_exact_mut(4 * m * width).enumerate() {
+                    let k = record.start + first + k;
+                    let values = step.chunks_exact_mut(width).map(|row| &mut row[to + j]);
+                    column.over(k, shares, values);
                 }
             }
-            for (stage, row) in rows.chunks_exact_mut(width).enumerate() {
-                row[l.time()] = ((first + step) as f64 + OFFSET[stage]) * record.dt;
+        }
+        for (k, step) in rows.chunks_exact_mut(4 * m * width).enumerate() {
+            for (row, &c) in step.chunks_exact_mut(width).zip(shares) {
+                row[l.time()] = ((first + k) as f64 + c) * record.dt;
             }
         }
     }

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::least_squares::{Layout, Part};
 use crate::model::Model;
 use crate::model::graph::Leaf;
+use indexmap::IndexSet;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
@@ -36,6 +37,9 @@ pub struct Case {
     pub given: Vec<Vec<f64>>,
     /// Per segment how far its conditions are from the centres of the lines that parameters follow.
     pub(super) away: Vec<Vec<f64>>,
+    /// Where all segments say of which flight they are: the flights, and for each segment which of them it is.
+    pub(super) flights: Vec<String>,
+    pub(super) flight_of: Vec<usize>,
     /// Scored outputs of the model.
     pub outputs: Vec<usize>,
     pub layout: Layout,
@@ -66,6 +70,7 @@ impl Case {
             chosen.lines.iter().map(of).collect()
         };
         let away = segments.iter().map(away).collect();
+        let (flights, flight_of) = flights(segments);
         let mut case = Case {
             filter: Filter::new(&model, &propagator),
             model,
@@ -76,6 +81,8 @@ impl Case {
             automatic,
             given,
             away,
+            flights,
+            flight_of,
             outputs,
             layout,
             unknowns,
@@ -244,4 +251,12 @@ fn scored(model: &Model, segments: &[Segment]) -> Vec<usize> {
     let measured =
         |o: usize| segments.iter().any(|s| s.record.channels.iter().any(|c| c.output == o));
     (0..model.outputs.len()).filter(|&o| measured(o)).collect()
+}
+
+/// The flights of segments, in the order in which they come, and which of them each is; none where one does not say.
+fn flights(segments: &[&Segment]) -> (Vec<String>, Vec<usize>) {
+    let names: Option<Vec<&String>> = segments.iter().map(|s| s.labels.get("flight")).collect();
+    let all: IndexSet<&String> = names.iter().flatten().copied().collect();
+    let of = names.iter().flatten().filter_map(|name| all.get_index_of(*name)).collect();
+    (all.into_iter().cloned().collect(), of)
 }

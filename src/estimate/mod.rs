@@ -50,7 +50,7 @@
 //! | `chords` | what the estimates owe to straight lines between the points of the grid |
 //! | `noisy_inputs` | what the noise of measured inputs moves, and what it alone determines |
 //! | `ramps` | what the estimates owe to the curve that a delay reads of its input |
-//! | `skewed`, `shifted` | records that look late against the others |
+//! | `skewed`, `shifted`, `scores` | records that look late against the others |
 //! | `together` | standard deviations that are too small because several outputs are moved at once |
 //! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
@@ -97,6 +97,7 @@ mod residuals;
 mod result;
 mod rubbed;
 mod sampled;
+mod scores;
 mod search;
 mod segment;
 mod selection;

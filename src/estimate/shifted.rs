@@ -19,10 +19,25 @@ pub(super) enum Of {
     Output(usize),
 }
 
+/// A record that may be late, in all flights or in one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shift {
+    pub of: Of,
+    /// By its place among the flights of the case.
+    pub flight: Option<usize>,
+}
+
+impl Shift {
+    /// Whether a segment is late if this record is.
+    pub fn is_in(&self, case: &Case, s: usize) -> bool {
+        self.flight.is_none_or(|flight| case.flight_of[s] == flight)
+    }
+}
+
 /// A case with the times by which records are late as further shared parameters.
 pub(super) struct Shifted<'a> {
     pub case: &'a Case,
-    pub of: &'a [Of],
+    pub of: &'a [Shift],
     /// Whether differences are taken close by and to both sides, or over a step of the grid to one, which is half the
     /// work.
     pub both: bool,
@@ -38,17 +53,23 @@ struct Stepped<'b> {
 impl Shifted<'_> {
     /// Residuals, with sensitivities to those times between those to shared parameters and to the segment's own.
     pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
-        let (shared, k) = (self.case.layout.parts[s].shared.len(), self.of.len());
+        let of: Vec<Of> = self
+            .of
+            .iter()
+            .filter(|shift| shift.is_in(self.case, s))
+            .map(|shift| shift.of)
+            .collect();
+        let (shared, k) = (self.case.layout.parts[s].shared.len(), of.len());
         let (known, own) = (&local[..shared], &local[shared + k..]);
         let (late, plain) = (&local[shared..shared + k], [known, own].concat());
         let at = |late: &[f64], slopes: bool| {
-            self.case.evaluate_as(&self.record(s, late), s, &plain, slopes)
+            self.case.evaluate_as(&self.record(s, &of, late), s, &plain, slopes)
         };
         let blocks = at(late, sensitivities)?;
         if !sensitivities {
             return Some(blocks);
         }
-        let steps = self.steps(s, late, &blocks, &|late| at(late, false))?;
+        let steps = self.steps(s, (&of, late), &blocks, &|late| at(late, false))?;
         let nd = plain.len();
         let mut wide = Vec::with_capacity(blocks.len());
         for (b, block) in blocks.iter().enumerate() {
@@ -61,7 +82,7 @@ impl Shifted<'_> {
                     (_, Some(step)) => steps.1[*step].slope(b, row),
                     (_, None) => 0.0,
                 };
-                g.extend(self.of.iter().zip(&steps.0).map(slope));
+                g.extend(of.iter().zip(&steps.0).map(slope));
                 g.extend_from_slice(&known[shared..]);
             }
             wide.push(g);
@@ -74,15 +95,15 @@ impl Shifted<'_> {
     fn steps<'b>(
         &self,
         s: usize,
-        late: &[f64],
+        (of, late): (&[Of], &[f64]),
         blocks: &'b [Block],
         at: &dyn Fn(&[f64]) -> Option<Vec<Block>>,
     ) -> Option<(Vec<Option<usize>>, Vec<Stepped<'b>>)> {
         let record = &self.case.records[s];
         let is_output = |of: &Of| matches!(of, Of::Output(_));
-        let outputs = (0..self.of.len()).filter(|&j| is_output(&self.of[j]));
-        let moves = |j: &usize| matches!(self.of[*j], Of::Input(i) if moves(record, i));
-        let inputs = (0..self.of.len()).filter(moves).map(|j| vec![j]);
+        let outputs = (0..of.len()).filter(|&j| is_output(&of[j]));
+        let moves = |j: &usize| matches!(of[*j], Of::Input(i) if moves(record, i));
+        let inputs = (0..of.len()).filter(moves).map(|j| vec![j]);
         let groups: Vec<Vec<usize>> =
             inputs.chain([outputs.collect()]).filter(|group| !group.is_empty()).collect();
         let by = |group: &[usize], h: f64| {
@@ -99,14 +120,14 @@ impl Shifted<'_> {
             })
         };
         let steps: Vec<Stepped> = groups.iter().map(one).collect::<Option<_>>()?;
-        let of = |j: usize| groups.iter().position(|group| group.contains(&j));
-        Some(((0..self.of.len()).map(of).collect(), steps))
+        let step = |j: usize| groups.iter().position(|group| group.contains(&j));
+        Some(((0..of.len()).map(step).collect(), steps))
     }
 
     /// The record of a segment with what is late put right.
-    fn record(&self, s: usize, late: &[f64]) -> Record {
+    fn record(&self, s: usize, of: &[Of], late: &[f64]) -> Record {
         let mut record = self.case.records[s].clone();
-        for (of, &late) in self.of.iter().zip(late).filter(|(_, late)| **late != 0.0) {
+        for (of, &late) in of.iter().zip(late).filter(|(_, late)| **late != 0.0) {
             match of {
                 Of::Input(i) => {
                     let steps = late / record.dt;

@@ -6,19 +6,20 @@
 //! normal equations of all of them together with the parameters; those that lower the cost by more than
 //! chance are chosen one after the other, the largest first (forward selection: a shift of everything is
 //! none, so that they are never all determined), and estimated together with the parameters, with honest
-//! standard deviations. A record is told where it is late beyond chance and that moves an estimate.
+//! standard deviations. Of several flights it is asked as well whether a record is late in one of them alone: one
+//! recorder that was set up otherwise is no fault of all. A record is told where it is late beyond chance and that moves an estimate.
 //!
 //! A lag between what is recorded and what acts looks like it (an input that is early, an output that is
 //! late): what it is tells a diagnosis, in which all of them are rivals.
 
 use super::case::Case;
 use super::coarse::MOVES;
-use super::shifted::{Of, Shifted};
+use super::scores::Scores;
+use super::shifted::{Of, Shift, Shifted};
 use super::solution::{Solution, judged};
 use super::{Settings, Stop};
-use crate::least_squares::{Arrow, Layout, Method, minimise, normal_equations};
+use crate::least_squares::{Layout, Method, minimise, normal_equations};
 use crate::math::median;
-use crate::math::products::dot;
 use crate::model::Delayed;
 
 /// A record is late beyond chance by so many standard deviations.
@@ -29,6 +30,8 @@ const LONGEST: f64 = 0.5;
 /// What takes this share of all that is left is asked as well: a record that is very late colours the residuals
 /// by itself, and what colour makes of chance can be more than there is. *Convention*.
 const MUCH: f64 = 0.1;
+/// So many records are asked flight by flight at most. *Convention*.
+const MOST_ASKED: usize = 400;
 /// Records that are told at most.
 const MOST: usize = 4;
 /// Iterations with them, and how often a step is halved: a share of a standard deviation more or less changes
@@ -52,6 +55,8 @@ pub struct Skewed {
 pub struct Late {
     /// Name of the input or output.
     pub record: String,
+    /// The flight, where it is not late in all of them.
+    pub flight: Option<String>,
     /// s.
     pub by: f64,
     pub sd: f64,
@@ -73,7 +78,8 @@ impl Case {
         let (nc, k) = (self.layout.shared, chosen.len());
         let shifted = Shifted { case: self, of: &chosen, both: true };
         let evaluate = |s: usize, local: &[f64], slopes: bool| shifted.evaluate(s, local, slopes);
-        let layout = Layout { start: wide(&solution.fit.theta, nc, k), ..self.layout.widened(k) };
+        let layout = self.layout.widened_where(k, |s, j| chosen[j].is_in(self, s));
+        let layout = Layout { start: wide(&solution.fit.theta, nc, k), ..layout };
         let method = settings.method();
         let method = Method {
             max_iterations: FEW,
@@ -87,9 +93,10 @@ impl Case {
         let late = |j: usize| {
             let (sd, _) = later.deviation(nc + j)?;
             let by = later.fit.theta[nc + j];
-            let record = self.name_of(chosen[j]);
+            let record = self.name_of(chosen[j].of);
+            let flight = chosen[j].flight.map(|flight| self.flights[flight].clone());
             let is_late = by.abs() > BEYOND * sd && by.abs() < LONGEST;
-            is_late.then_some(Late { record, by, sd })
+            is_late.then_some(Late { record, flight, by, sd })
         };
         let records: Vec<Late> = (0..k).filter_map(late).collect();
         if records.is_empty() {
@@ -124,53 +131,64 @@ impl Case {
         }
     }
 
-    /// Those whose shifts lower the cost by more than chance, one after the other.
-    fn chosen_of(&self, all: &[Of], solution: &Solution) -> Option<Vec<Of>> {
-        let (nc, k) = (self.layout.shared, all.len());
-        let shifted = Shifted { case: self, of: all, both: false };
-        let evaluate = |s: usize, local: &[f64], slopes: bool| shifted.evaluate(s, local, slopes);
-        let theta = wide(&solution.fit.theta, nc, k);
-        let (matrix, gradient) = normal_equations(&self.layout.widened(k), &evaluate, &theta)?;
-        let held = wide(&solution.fit.held, nc, k);
-        let gain = |free: &[usize]| {
-            let is_held =
-                |i: usize| held[i] || (i >= nc && i < nc + k && !free.contains(&(i - nc)));
-            promised(&matrix, &gradient, &is_held)
+    /// Those whose shifts lower the cost by more than chance, one after the other: of several flights, those of one
+    /// alone, too.
+    fn chosen_of(&self, all: &[Of], solution: &Solution) -> Option<Vec<Shift>> {
+        let flights = match self.flights.len() {
+            count if count > 1 && count * all.len() <= MOST_ASKED => count,
+            _ => 1,
         };
-        // What colour of the residuals makes of chance.
-        let wider = |i: usize| solution.deviation(i).map(|(sd, crlb)| sd / crlb);
-        let wider: Vec<f64> = (0..nc).filter_map(wider).collect();
-        let by_chance = |wider: f64| 0.5 * (BEYOND * wider).powi(2);
-        let samples: usize = solution.fit.noise.iter().flat_map(|group| &group.count).sum();
-        let much = (MUCH * 0.5 * samples as f64).max(by_chance(1.0));
-        let chance = by_chance(median(&wider).max(1.0)).min(much);
-        let mut chosen: Vec<usize> = Vec::new();
-        let mut before = gain(&chosen)?;
+        let of_flight = |flight: usize| (flights > 1).then_some(flight);
+        let asked: Vec<Shift> = (0..flights)
+            .flat_map(|flight| all.iter().map(move |&of| Shift { of, flight: of_flight(flight) }))
+            .collect();
+        let (nc, k) = (self.layout.shared, asked.len());
+        let shifted = Shifted { case: self, of: &asked, both: false };
+        let evaluate = |s: usize, local: &[f64], slopes: bool| shifted.evaluate(s, local, slopes);
+        let layout = self.layout.widened_where(k, |s, j| asked[j].is_in(self, s));
+        let theta = wide(&solution.fit.theta, nc, k);
+        let (matrix, gradient) = normal_equations(&layout, &evaluate, &theta)?;
+        let held = wide(&solution.fit.held, nc, k);
+        let is_base = |i: usize| !held[i] && !(nc..nc + k).contains(&i);
+        // Those of one flight first: of two that gain alike the last one is taken.
+        let mut candidates: Vec<(Shift, Vec<usize>)> =
+            asked.iter().enumerate().map(|(j, shift)| (*shift, vec![nc + j])).collect();
+        if flights > 1 {
+            let everywhere = |(j, &of): (usize, &Of)| {
+                let places = (0..flights).map(|flight| nc + flight * all.len() + j);
+                (Shift { of, flight: None }, places.collect())
+            };
+            candidates.extend(all.iter().enumerate().map(everywhere));
+        }
+        let places: Vec<Vec<usize>> = candidates.iter().map(|(_, places)| places.clone()).collect();
+        let mut scores = Scores::of((&matrix, &gradient), &is_base, &places)?;
+        let chance = self.chance(solution);
+        let mut chosen = Vec::new();
         while chosen.len() < MOST {
-            let with = |j: usize| Some((j, gain(&[&chosen[..], &[j]].concat())?));
-            let rest = (0..k).filter(|j| !chosen.contains(j)).filter_map(with);
-            match rest.max_by(|a, b| a.1.total_cmp(&b.1)) {
-                Some((j, after)) if after - before > chance => {
-                    chosen.push(j);
-                    before = after;
+            let gains = (0..candidates.len()).filter_map(|j| Some((j, scores.gain(j)?)));
+            match gains.max_by(|a, b| a.1.total_cmp(&b.1)) {
+                Some((j, gain)) if gain > chance => {
+                    chosen.push(candidates[j].0);
+                    scores.take(j);
                 }
                 _ => break,
             }
         }
-        Some(chosen.into_iter().map(|j| all[j]).collect())
+        Some(chosen)
+    }
+
+    /// By how much chance lowers the cost: what colour of the residuals makes of it.
+    fn chance(&self, solution: &Solution) -> f64 {
+        let wider = |i: usize| solution.deviation(i).map(|(sd, crlb)| sd / crlb);
+        let wider: Vec<f64> = (0..self.layout.shared).filter_map(wider).collect();
+        let by_chance = |wider: f64| 0.5 * (BEYOND * wider).powi(2);
+        let samples: usize = solution.fit.noise.iter().flat_map(|group| &group.count).sum();
+        let much = (MUCH * 0.5 * samples as f64).max(by_chance(1.0));
+        by_chance(median(&wider).max(1.0)).min(much)
     }
 }
 
 /// A vector of the problem with `k` further shared places.
 fn wide<T: Clone + Default>(theta: &[T], nc: usize, k: usize) -> Vec<T> {
     [&theta[..nc], &vec![T::default(); k], &theta[nc..]].concat()
-}
-
-/// By how much the step lowers the cost where some parameters are held; none where the others are not
-/// determined.
-fn promised(matrix: &Arrow, gradient: &[f64], is_held: &dyn Fn(usize) -> bool) -> Option<f64> {
-    let (mut matrix, mut rhs) = (matrix.clone(), gradient.to_vec());
-    (0..rhs.len()).filter(|&i| is_held(i)).for_each(|i| matrix.pin(&mut rhs, i, 0.0));
-    let step = matrix.factor().ok()?.solve(&rhs);
-    Some(0.5 * dot(&step, &rhs))
 }

@@ -191,6 +191,19 @@ impl Arrow {
         self.own[s].ss.get(k * self.own[s].n + k).copied()
     }
 
+    /// The whole column of a shared parameter.
+    pub fn column(&self, index: usize) -> Vec<f64> {
+        let nc = self.shared;
+        let mut column: Vec<f64> = (0..nc).map(|i| self.cc[i * nc + index]).collect();
+        for own in &self.own {
+            match own.columns.iter().position(|&c| c == index) {
+                Some(at) => column.extend((0..own.n).map(|i| own.row(i)[at])),
+                None => column.resize(column.len() + own.n, 0.0),
+            }
+        }
+        column
+    }
+
     /// The whole diagonal.
     pub fn diagonal(&self) -> Vec<f64> {
         let own = self.own.iter().flat_map(|own| diagonal(&own.ss, own.n));

@@ -103,6 +103,11 @@ impl Layout {
     /// With so many further parameters behind those that segments share, which all of them see; they start at
     /// none, without a prior or bounds.
     pub fn widened(&self, further: usize) -> Layout {
+        self.widened_where(further, |_, _| true)
+    }
+
+    /// The same, where segment `s` sees further parameter `j` if `sees(s, j)`.
+    pub fn widened_where(&self, further: usize, sees: impl Fn(usize, usize) -> bool) -> Layout {
         let (nc, k) = (self.shared, further);
         let mut wide = self.clone();
         wide.shared += k;
@@ -112,8 +117,8 @@ impl Layout {
         insert(&mut wide.upper, f64::INFINITY);
         insert(&mut wide.centre, 0.0);
         insert(&mut wide.prior_sd, f64::INFINITY);
-        for part in &mut wide.parts {
-            part.shared.extend(nc..nc + k);
+        for (s, part) in wide.parts.iter_mut().enumerate() {
+            part.shared.extend((0..k).filter(|&j| sees(s, j)).map(|j| nc + j));
             part.offset += k;
         }
         wide.squares.iter_mut().filter(|i| **i >= nc).for_each(|i| *i += k);

@@ -37,7 +37,7 @@ mod problem;
 mod rows;
 mod sums;
 
-pub use arrow::{Arrow, Factor, Own, diagonal};
+pub use arrow::{Arrow, Factor, Own, PIVOT, diagonal};
 pub use blocks::{Block, Samples, at_instants, give_back};
 #[cfg(test)]
 pub use covariance::Scatter;

@@ -2,7 +2,7 @@
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Record};
-use crate::estimate::{Estimation, Settings, estimate};
+use crate::estimate::{Estimation, Segment, Settings, estimate, estimate_segments};
 use crate::model::{Constants, Model};
 
 const PITCH: &str = r#"
@@ -45,7 +45,25 @@ fn tab(t: f64) -> f64 {
 
 /// What comes of records that are so late, with white noise, or noise with a neighbour's part `colour`.
 fn late(seed: u64, times: Times, colour: f64) -> Estimation {
-    let model = Model::parse("pitch", PITCH, &Constants::default()).unwrap();
+    estimate(&model(), &[record(seed, times, colour)], &Settings::default()).unwrap()
+}
+
+/// What comes of flights that are so late.
+fn of_flights(seed: u64, flights: &[Times], colour: f64) -> Estimation {
+    let segment = |(i, times): (usize, &Times)| Segment {
+        record: record(seed + i as u64, *times, colour),
+        labels: [("flight".to_string(), format!("f{i}"))].into(),
+        ..Segment::default()
+    };
+    let segments: Vec<Segment> = flights.iter().enumerate().map(segment).collect();
+    estimate_segments(&model(), &segments, &Settings::default()).unwrap()
+}
+
+fn model() -> Model {
+    Model::parse("pitch", PITCH, &Constants::default()).unwrap()
+}
+
+fn record(seed: u64, times: Times, colour: f64) -> Record {
     let mut rng = rng(seed);
     let (n, dt, fine) = (1500, 0.02, 20);
     let (mut q, mut theta) = (0.0, 0.0);
@@ -75,8 +93,7 @@ fn late(seed: u64, times: Times, colour: f64) -> Estimation {
     let channels = measured.into_iter().enumerate();
     let channels =
         channels.map(|(output, z)| Channel { output, t: t.clone().into(), z: z.into() }).collect();
-    let record = Record { dt, n, inputs: inputs.into(), channels, ..Record::default() };
-    estimate(&model, &[record], &Settings::default()).unwrap()
+    Record { dt, n, inputs: inputs.into(), channels, ..Record::default() }
 }
 
 #[test]
@@ -112,6 +129,38 @@ fn two_late_records_are_told_together() {
     let names: Vec<&str> = skewed.records.iter().map(|late| &*late.record).collect();
     assert!(names.contains(&"elevator") && names.contains(&"tab"), "{skewed:?}");
     assert!(skewed.records.iter().all(|late| (late.by - 0.1).abs() < 4.0 * late.sd), "{skewed:?}");
+}
+
+#[test]
+fn a_record_that_is_late_in_one_flight_is_told_of_that_flight() {
+    let (elevator, theta) =
+        (Times { elevator: 0.06, ..Times::default() }, Times { theta: -0.04, ..Times::default() });
+    let sound = Times::default();
+    let all = [elevator; 3];
+    for (flights, record, flight, by) in [
+        ([sound, elevator, sound], "elevator", Some("f1"), 0.06),
+        ([sound, sound, theta], "theta", Some("f2"), -0.1),
+        (all, "elevator", None, 0.06),
+    ] {
+        for seed in 0..6 {
+            let colour = if seed % 2 == 0 { 0.0 } else { 0.8 };
+            let e = of_flights(500 + 10 * seed, &flights, colour);
+            let skewed = e.skewed.expect(record);
+            assert_eq!(skewed.records.len(), 1, "{record}: {skewed:?}");
+            let late = &skewed.records[0];
+            assert_eq!((&*late.record, late.flight.as_deref()), (record, flight), "{skewed:?}");
+            assert!((late.by - by).abs() < 4.0 * late.sd, "{skewed:?}");
+        }
+    }
+}
+
+#[test]
+fn where_no_flight_is_late_none_is_told() {
+    for seed in 0..12 {
+        let colour = [0.0, 0.5, 0.9, 0.98][seed as usize % 4];
+        let e = of_flights(800 + 10 * seed, &[Times::default(); 4], colour);
+        assert_eq!(e.skewed, None, "{seed}");
+    }
 }
 
 #[test]

@@ -185,7 +185,8 @@ fn skewed(estimation: &Estimation) -> Cause {
     let skewed = estimation.skewed.as_ref()?;
     let each = |late: &Late| {
         let side = if late.by > 0.0 { "late" } else { "early" };
-        format!("{} {:.4} +- {:.4} s {side}", late.record, late.by.abs(), late.sd)
+        let of = late.flight.iter().map(|flight| format!(" of {flight}")).collect::<String>();
+        format!("{}{of} {:.4} +- {:.4} s {side}", late.record, late.by.abs(), late.sd)
     };
     let records: Vec<String> = skewed.records.iter().map(each).collect();
     let text = format!(
