@@ -5,6 +5,7 @@ use crate::pipeline::{Plan, Store};
 use crate::stage::Part;
 use crate::table::Table;
 use indexmap::IndexMap;
+use rayon::prelude::*;
 
 /// Flights shown one by one; of more than these, those of which the same is to be said share a row.
 const SHOWN: usize = 30;
@@ -19,27 +20,39 @@ pub const HEAD: [&str; 5] = ["flight", "signals", "maneuvers", "used", "kinds"];
 /// # Errors
 /// A table cannot be read back.
 pub fn rows(plan: &Plan, store: &Store) -> Result<Vec<Vec<String>>> {
-    let mut rows = Vec::new();
-    for flight in &plan.campaign.flights {
-        let part = Part::Flight(flight.clone());
-        let signals = read(store, "channels", part.clone())?.map(|t| t.rows());
-        let (mut found, mut used, mut kinds) = (0, 0, Vec::new());
-        if let Some(segments) = read(store, "segments", part)? {
-            let included = segments.bools("included")?;
-            found = segments.rows();
-            used = included.iter().filter(|b| **b).count();
-            kinds = tally(&segments.strings("kind")?);
-        }
-        let signals = signals.map_or(UNREAD.to_string(), |n| n.to_string());
-        rows.push(vec![
-            flight.clone(),
-            signals,
-            found.to_string(),
-            used.to_string(),
-            kinds.join(", "),
-        ]);
+    let rows: Vec<Result<Vec<String>>> =
+        plan.campaign.flights.par_iter().map(|flight| row(store, flight)).collect();
+    rows.into_iter().collect::<Result<_>>().map(gathered)
+}
+
+/// What is shown of one flight.
+fn row(store: &Store, flight: &str) -> Result<Vec<String>> {
+    let part = Part::Flight(flight.to_string());
+    let signals = columns(store, "channels", &part, &["signal"])?.map(|t| t.rows());
+    let (mut found, mut used, mut kinds) = (0, 0, Vec::new());
+    if let Some(segments) = columns(store, "segments", &part, &["included", "kind"])? {
+        let included = segments.bools("included")?;
+        found = segments.rows();
+        used = included.iter().filter(|b| **b).count();
+        kinds = tally(&segments.strings("kind")?);
     }
-    Ok(gathered(rows))
+    let signals = signals.map_or(UNREAD.to_string(), |n| n.to_string());
+    Ok(vec![flight.to_string(), signals, found.to_string(), used.to_string(), kinds.join(", ")])
+}
+
+/// These columns of the part of a table, where there is one.
+fn columns(store: &Store, table: &str, part: &Part, own: &[&str]) -> Result<Option<Table>> {
+    match store.path(&part.path(table)).exists() {
+        true => store.columns(table, part, own).map(Some),
+        false => Ok(None),
+    }
+}
+
+/// These columns of those parts of a table that there are.
+pub fn parts(store: &Store, table: &str, parts: &[Part], own: &[&str]) -> Result<Vec<Table>> {
+    let read = |part: &Part| columns(store, table, part, own);
+    let found: Vec<Result<Option<Table>>> = parts.par_iter().map(read).collect();
+    found.into_iter().filter_map(Result::transpose).collect()
 }
 
 /// The part of a table, where there is one.

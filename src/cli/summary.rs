@@ -17,6 +17,8 @@ use std::path::Path;
 
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
+/// What is read of how adequate an estimate is.
+const LEFT: [&str; 7] = ["output", "leaves", "share", "flight", "variation", "left", "noise"];
 /// Outputs named of which an estimate leaves more than noise.
 const POOR: usize = 4;
 
@@ -88,17 +90,16 @@ fn estimated(plan: &Plan) -> Vec<(String, Vec<Part>)> {
     all.into_values().map(|(name, parts)| (name, parts.into_iter().collect())).collect()
 }
 
-/// These parts of a table one below the other, where there is any.
-fn joined(store: &Store, table: &str, parts: &[Part]) -> Result<Option<Table>> {
-    let found = parts.iter().map(|part| read(store, table, part.clone()));
-    let found: Vec<Table> = found.filter_map(Result::transpose).collect::<Result<_>>()?;
+/// These columns of parts of a table one below the other, where there is any.
+fn joined(store: &Store, table: &str, parts: &[Part], own: &[&str]) -> Result<Option<Table>> {
+    let found: Vec<Table> = flights::parts(store, table, parts, own)?;
     if found.is_empty() { Ok(None) } else { Table::concat(table, &found).map(Some) }
 }
 
 fn estimates(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
     for (name, parts) in estimated(plan) {
-        let Some(t) = joined(store, "estimates", &parts)? else { continue };
+        let Some(t) = joined(store, "estimates", &parts, &["group", "stop"])? else { continue };
         let (groups, stops) = (t.strings("group")?, t.strings("stop")?);
         let mut each: Vec<(&str, &str)> = groups.into_iter().zip(stops).collect();
         each.dedup();
@@ -110,7 +111,7 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
             each.len().to_string(),
             converged.to_string(),
             tally(&others).join(", "),
-            match joined(store, "adequacy", &parts)? {
+            match joined(store, "adequacy", &parts, &LEFT)? {
                 Some(left) => poor(&left)?,
                 None => String::new(),
             },

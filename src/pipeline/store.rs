@@ -11,7 +11,7 @@ use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
 use crate::report::is_of_report;
 use crate::stage::Part;
-use crate::table::{self, SCHEMA_VERSION, Table, Unfinished, write_atomic};
+use crate::table::{self, SCHEMA_VERSION, Table, Unfinished, Want, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io;
@@ -201,6 +201,17 @@ impl Store {
     pub fn table(&self, name: &str, part: &Part) -> Result<Table> {
         let flight = if let Part::Flight(id) = part { Some(id.as_str()) } else { None };
         table::read_file(&self.path(&part.path(name)), name, flight)
+    }
+
+    /// These columns of a part of a table.
+    ///
+    /// # Errors
+    /// As `table`.
+    pub fn columns(&self, name: &str, part: &Part, own: &[&str]) -> Result<Table> {
+        let flight = if let Part::Flight(id) = part { Some(id.as_str()) } else { None };
+        let own: Vec<String> = own.iter().map(ToString::to_string).collect();
+        let want = Want { own: Some(&own), ..Want::default() };
+        table::read_wanted(&self.path(&part.path(name)), name, flight, want)
     }
 
     /// Removes an output file, and its folder where that is empty now.

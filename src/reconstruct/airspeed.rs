@@ -4,9 +4,11 @@
 //! Left out and compared like other channels an airspeed tells little: in steady flight it does not
 //! move, and its level is taken up by the wind and by biases of accelerometers, which are then wrong with
 //! small standard deviations. Ground speed in turns tells it, and `a_y = V r` does. So it is
-//! asked for by one more filter with the scale `k` free, `z = k V`, linearised about its own path.
+//! asked for by one more filter with the scale `k` free, `z = k V`, linearised about its own path. Gusts pull it
+//! (`pulled`), by what counts as a further standard deviation.
 
 use super::consistency::Row;
+use super::pulled::pulled;
 use super::settings::Settings;
 use super::smoother::Smoother;
 use super::smoother::flight::Flight;
@@ -35,10 +37,8 @@ pub fn level(
     settings: &Settings,
 ) -> Result<Option<Row>> {
     let Some(output) = kinematics.model.output(AIRSPEED) else { return Ok(None) };
-    let used = |(k, r): (usize, &f64)| flight.channels[k].output == output && r.is_finite();
-    if !levels.r.iter().enumerate().any(used) {
-        return Ok(None);
-    }
+    let is_used = |k: &usize| flight.channels[*k].output == output && levels.r[*k].is_finite();
+    let Some(channel) = (0..levels.r.len()).find(is_used) else { return Ok(None) };
     let (model, scale) = kinematics.model.with_scale(AIRSPEED)?;
     let free = kinematics.free.iter().copied().chain([scale]).collect();
     let scaled = Kinematics::new(&model, free)?;
@@ -53,5 +53,11 @@ pub fn level(
     let size = found.p.len() / scaled.size();
     let sd = |found: &[f64]| found[place * size + place].max(0.0).sqrt();
     let told = if found.finite { [found.x[place], sd(&found.p)] } else { [f64::NAN; 2] };
-    Ok(Some(verdicts::level_row(AIRSPEED, told)))
+    let (sum, count) = flight.channels[channel]
+        .z
+        .iter()
+        .filter(|z| z.is_finite())
+        .fold((0.0, 0.0), |(sum, count), z| (sum + z, count + 1.0));
+    let pull = pulled(kinematics, flight, levels, (part, sum / f64::max(count, 1.0)));
+    Ok(Some(verdicts::level_row(AIRSPEED, told, pull)))
 }

@@ -34,6 +34,7 @@ mod output_error;
 mod pairs;
 mod path;
 mod plausible;
+mod pulled;
 mod sensor_errors;
 mod settings;
 mod signals;

@@ -13,6 +13,8 @@
 //!
 //! both without mean and trend, because what the others say drifts, and a drift is slow. It is stuck where `k` is
 //! nearly nothing beyond chance, the same sensors tell it well where it moves most, and `dy` is several times what is left there.
+//! What is stuck stays where it is, too: in gusts the others can be wrong about what moves (an airspeed that went from
+//! 77 to 161 m/s was called stuck).
 //! Then the whole flight is gone through to find where.
 
 use super::consistency::{PART, Row, leave_out, misfit_over, slices};
@@ -46,6 +48,10 @@ const STANDS: f64 = 0.3;
 const TOLD: f64 = 0.3;
 /// They say that it moves where what they say is so many times what they leave of it there.
 const MOVES: f64 = 6.0;
+/// A channel stays where it is if the means over `SHORT` seconds lie within its fast noise about their median, in this
+/// share of all. *Convention*: of what moves few do, and where it is let go is known to a window.
+const STAYS: f64 = 0.75;
+const SHORT: f64 = 2.0;
 /// Others contradict each other from this mean square of their innovations on, one where all is as predicted.
 const CONTRADICTED: f64 = 10.0;
 /// What is left out on either side of it, s: where it begins and ends is known to a window, and to what the others
@@ -222,7 +228,7 @@ impl Work<'_> {
         let (part, there) = told.find(|(_, there)| there.moves() >= least)?;
         let scale = [there.k(), there.sd()];
         let output = self.smoother.flight.channels[k].output;
-        if !(scale[0].abs() + 3.0 * scale[1] < STANDS) {
+        if !(scale[0].abs() + 3.0 * scale[1] < STANDS) || !self.stays(k, self.parts[part]) {
             return Some(Asked { output, scale, spans: Vec::new() });
         }
         // Where the others contradict each other nothing is said of it.
@@ -246,6 +252,25 @@ impl Work<'_> {
         pair(self.smoother, &without, which, part, &x)
     }
 
+    /// Whether a channel stays where it is.
+    fn stays(&self, k: usize, [from, to]: [f64; 2]) -> bool {
+        let flight = self.smoother.flight;
+        let channel = &flight.channels[k];
+        let packet = flight.packets.iter().find(|packet| packet.channels.contains(&k));
+        let Some(t) = packet.map(|packet| &packet.t) else { return false };
+        let count = ((to - from) / SHORT).floor().max(1.0);
+        let mean = |i: usize| {
+            let at = |i: usize| t.partition_point(|t| *t < from + (to - from) * i as f64 / count);
+            let known = channel.z[at(i)..at(i + 1)].iter().filter(|z| z.is_finite());
+            let (n, sum) = known.fold((0.0, 0.0), |(n, sum), z| (n + 1.0, sum + z));
+            sum / n
+        };
+        let means: Vec<f64> = (0..count as usize).map(mean).filter(|m| m.is_finite()).collect();
+        let middle = median(&means);
+        let near = means.iter().filter(|mean| (**mean - middle).abs() <= channel.sd).count();
+        near as f64 >= STAYS * means.len().max(1) as f64
+    }
+
     /// Where it does not follow what moves by `least`: at least two windows, and what is between them and beside
     /// them in which nothing tells.
     fn spans(&self, k: usize, least: f64) -> Vec<[f64; 2]> {
@@ -265,7 +290,9 @@ impl Work<'_> {
         for run in windows.split(|(_, stuck)| *stuck == Some(false)) {
             let of = |(i, (_, stuck)): (usize, &([f64; 2], Option<bool>))| stuck.map(|_| i);
             let stuck: Vec<usize> = run.iter().enumerate().filter_map(of).collect();
-            if let [first, .., last] = stuck[..] {
+            if let [first, .., last] = stuck[..]
+                && self.stays(k, [run[first].0[0], run[last].0[1]])
+            {
                 let end = (last + 1).min(run.len() - 1);
                 spans.push([run[first.saturating_sub(1)].0[0], run[end].0[1]]);
             }

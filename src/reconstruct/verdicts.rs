@@ -123,13 +123,17 @@ fn equivalent(k: f64) -> String {
 const LEVEL: f64 = 0.02;
 
 /// The line of a channel's level against what all others say of it, `k` times too much with its standard
-/// deviation; not finite where they cannot be asked.
-pub fn level_row(channel: &str, [k, sd]: [f64; 2]) -> Row {
+/// deviation, and what gusts `pull` it; not finite where they cannot be asked.
+pub fn level_row(channel: &str, [k, sd]: [f64; 2], pull: f64) -> Row {
     if !(sd < LEVEL / 2.0) {
-        return level_unknown(channel, [k, sd]);
+        return level_unknown(channel, [k, sd], 0.0);
     }
+    let sd = sd.hypot(pull);
     let limit = LEVEL.max(4.0 * sd);
     let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
+    if verdict == "good" && !(sd < LEVEL / 2.0) {
+        return level_unknown(channel, [k, sd], pull);
+    }
     let why = match verdict {
         "scaled" => {
             "; wind and biases of accelerometers take that up, and are wrong: another unit, or an error of position?"
@@ -146,8 +150,12 @@ pub fn level_row(channel: &str, [k, sd]: [f64; 2]) -> Row {
 }
 
 /// The line of a level that the others do not tell.
-fn level_unknown(channel: &str, [k, sd]: [f64; 2]) -> Row {
+fn level_unknown(channel: &str, [k, sd]: [f64; 2], pull: f64) -> Row {
     let why = match k.is_finite() && sd.is_finite() {
+        true if pull > 0.5 * sd => format!(
+            "in these gusts the other sensors tell its level to +- {:.2} (95%) only, {k:.3}",
+            INTERVAL_95 * sd
+        ),
         true => format!(
             "the other sensors tell its level to +- {:.2} (95%) only: ground speed in turns would",
             INTERVAL_95 * sd
@@ -388,9 +396,14 @@ mod tests {
 
     #[test]
     fn an_airspeed_in_knots_is_told_and_one_that_nobody_knows_is_not() {
-        let of = |k: f64, sd: f64| level_row("V", [k, sd]).verdict;
+        let of = |k: f64, sd: f64| level_row("V", [k, sd], 0.0).verdict;
         assert_eq!((of(0.514, 1e-3), of(1.03, 2e-4)), ("scaled", "scaled"));
         assert_eq!((of(1.01, 2e-4), of(1.03, 8e-3)), ("good", "good"));
         assert_eq!((of(0.5, 0.1), of(f64::NAN, f64::NAN)), ("not compared", "not compared"));
+        let in_gusts = |k: f64, pull: f64| level_row("V", [k, 4e-3], pull);
+        let row = in_gusts(1.021, 0.016);
+        assert!(row.text.starts_with("in these gusts"), "{}", row.text);
+        assert_eq!((row.verdict, in_gusts(0.514, 0.016).verdict), ("not compared", "scaled"));
+        assert_eq!(in_gusts(1.012, 0.008).verdict, "good");
     }
 }

@@ -131,14 +131,21 @@ pub fn read_part(dir: &Path, table: &str, flight: Option<&str>, part: usize) -> 
 /// # Errors
 /// The file is not there, or is not a part of that table.
 pub fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
+    read_wanted(path, table, flight, Want::default())
+}
+
+/// The same with what is wanted of it alone.
+///
+/// # Errors
+/// As [`read_file`].
+pub fn read_wanted(path: &Path, table: &str, flight: Option<&str>, want: Want) -> Result<Table> {
     let place = || Some(Place::file(path.to_string_lossy()));
     let file = std::fs::File::open(path).map_err(|e| Error {
         place: place(),
         what: format!("cannot read the file: {e}"),
         help: None,
     })?;
-    Table::part_of_parquet(table, file, flight, Want::default())
-        .map_err(|e| Error { place: place(), ..e })
+    Table::part_of_parquet(table, file, flight, want).map_err(|e| Error { place: place(), ..e })
 }
 
 /// A file of a table.

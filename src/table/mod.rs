@@ -28,7 +28,7 @@ use crate::error::{Error, Result};
 pub use build::Builder;
 pub use dataset::{
     PartFile, Unfinished, part_path, parts, read_dataset, read_dataset_of, read_file, read_part,
-    write_atomic, write_part,
+    read_wanted, write_atomic, write_part,
 };
 pub use flight::{check_flight, flight_id};
 pub use page::page;

@@ -133,13 +133,14 @@ fn two_late_records_are_told_together() {
 
 #[test]
 fn a_record_that_is_late_in_one_flight_is_told_of_that_flight() {
-    let (elevator, theta) =
-        (Times { elevator: 0.06, ..Times::default() }, Times { theta: -0.04, ..Times::default() });
+    let elevator = Times { elevator: 0.06, ..Times::default() };
+    // early ones would begin before the record does
+    let tab = Times { tab: 0.06, ..Times::default() };
     let sound = Times::default();
     let all = [elevator; 3];
     for (flights, record, flight, by) in [
         ([sound, elevator, sound], "elevator", Some("f1"), 0.06),
-        ([sound, sound, theta], "theta", Some("f2"), -0.1),
+        ([sound, sound, tab], "tab", Some("f2"), 0.06),
         (all, "elevator", None, 0.06),
     ] {
         for seed in 0..6 {
