@@ -127,6 +127,11 @@ thresholds! {
     /// end early.
     least_promise: f64 = 0.01, "log-likelihood";
 
+    /// Gain that two short steps in a row must bring together for an iteration to go on: at a kink of the cost
+    /// (`abs`, a table) a step promises what is not there. *Convention*: a tenth of the unit that decides.
+    /// Lower: fits that go to and fro across kinks. Higher: fits that end early.
+    creep: f64 = 0.1, "log-likelihood";
+
     /// What a step may still promise where a fit has converged: half the mean of chi-square with
     /// one degree of freedom (*convention*). Lower: more fits that "did not settle". Higher: values
     /// that are not at their best.

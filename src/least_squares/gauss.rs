@@ -63,13 +63,17 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
             break;
         }
         let length = whole.as_ref().map(|step| point.length(step));
-        if length.is_some_and(|length| length < NEAR) && crawls(&history, method) {
+        let is_spared = |length| method.spares_last && length <= method.step_tolerance;
+        if length.is_some_and(|l| l < NEAR && crawls(&history, method) || is_spared(l)) {
             stop = Stop::Converged;
             break;
         }
         let mut taken = match (method.control, &whole) {
             (StepControl::Halving, Some(step)) => {
-                halve(layout, evaluate, &point, step, method.max_halvings)
+                // What refused the last whole step is likely to refuse this one.
+                let before = history.last().map_or(0, |i| i.halvings);
+                let chance = if before > 0 { Chance::Poor } else { Chance::Good };
+                halve(layout, evaluate, &point, (step, chance), method.max_halvings)
             }
             _ => damp(layout, evaluate, &point, &mut damping, method),
         };
@@ -134,10 +138,8 @@ fn try_step<F: Evaluate>(
     evaluate: &F,
     point: &Point,
     step: &[f64],
-    length: f64,
-    refused: usize,
+    (length, chance): (f64, Chance),
 ) -> Option<Point> {
-    let chance = if refused == 0 { Chance::Good } else { Chance::Poor };
     let theta = layout.moved(&point.theta, step, length);
     Trial::at(layout, evaluate, theta, chance)
         .filter(|trial| trial.cost <= point.cost)?
@@ -152,16 +154,18 @@ fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
 /// Whether the iteration creeps along kinks of the cost (of a model with friction or stops they lie
 /// wherever an event falls on a sample, of `abs` wherever its argument changes sign): the last steps
 /// were all cut short, the whole one is short, and together they lowered the cost by less than one
-/// step of `step_tolerance` does that ends at the lowest point of a parabola; or the last two by less
-/// than `creep`. At a kink a gradient need not vanish, and shorter steps come no nearer.
+/// step of `step_tolerance` does that ends at the lowest point of a parabola; or the last two, cut short or
+/// not, by less than `creep`. At a kink a gradient need not vanish, and shorter steps come no nearer.
 fn crawls(history: &[Iteration], method: &Method) -> bool {
+    let brought = |steps: usize, is_idle: &dyn Fn(&Iteration) -> bool| {
+        let before = history.len().checked_sub(steps + 1)?;
+        let last = &history[before + 1..];
+        let idle = last.iter().all(|i| i.step < NEAR && is_idle(i));
+        idle.then(|| history[before].cost - last[steps - 1].cost)
+    };
     let tolerated = 0.5 * method.step_tolerance * method.step_tolerance;
-    [(CRAWL, tolerated), (CREEP_STEPS, method.creep)].into_iter().any(|(steps, least)| {
-        let Some(before) = history.len().checked_sub(steps + 1) else { return false };
-        let (first, last) = (&history[before], &history[before + 1..]);
-        let gain = first.cost - last[steps - 1].cost;
-        last.iter().all(|i| i.halvings > 0 && i.step < NEAR) && gain < least
-    })
+    brought(CRAWL, &|i| i.halvings > 0).is_some_and(|gain| gain < tolerated)
+        || brought(CREEP_STEPS, &|_| true).is_some_and(|gain| gain < method.creep)
 }
 
 /// A step past a kink of the cost, which stops one that is only shortened: damped, or else along
@@ -182,7 +186,8 @@ fn turned<F: Evaluate>(
         }
         let step = point.step(layout, method, Some(i));
         let halvings = method.max_halvings.min(SHORTER);
-        let along = step.and_then(|step| halve(layout, evaluate, point, &step, halvings));
+        let along =
+            step.and_then(|step| halve(layout, evaluate, point, (&step, Chance::Good), halvings));
         best = [best, along]
             .into_iter()
             .flatten()
@@ -211,21 +216,23 @@ fn is_lowest<F: Evaluate>(
     max_halvings: usize,
 ) -> bool {
     let back: Vec<f64> = step.iter().map(|d| -d).collect();
-    halve(layout, evaluate, point, &back, max_halvings)
+    halve(layout, evaluate, point, (&back, Chance::Good), max_halvings)
         .is_none_or(|taken| is_idle(point, Some(&taken)))
 }
 
-/// The longest of `step`, `step/2`, `step/4` ... that is finite and does not raise the cost.
+/// The longest of `step`, `step/2`, `step/4` ... that is finite and does not raise the cost; the chance is that
+/// of the whole one.
 fn halve<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     point: &Point,
-    step: &[f64],
+    (step, chance): (&[f64], Chance),
     max_halvings: usize,
 ) -> Option<Taken> {
     let mut length = 1.0;
     for refused in 0..=max_halvings {
-        if let Some(next) = try_step(layout, evaluate, point, step, length, refused) {
+        let chance = if refused == 0 { chance } else { Chance::Poor };
+        if let Some(next) = try_step(layout, evaluate, point, step, (length, chance)) {
             return Some(Taken {
                 point: next,
                 refused,
@@ -267,7 +274,8 @@ fn damp<F: Evaluate>(
             None,
             method.undetermined,
         )?;
-        if let Some(next) = try_step(layout, evaluate, point, &step, 1.0, refused) {
+        let chance = if refused == 0 { Chance::Good } else { Chance::Poor };
+        if let Some(next) = try_step(layout, evaluate, point, &step, (1.0, chance)) {
             let promised = point.promise(&step);
             let gain = if promised > 0.0 { (point.cost - next.cost) / promised } else { 0.5 };
             let factor = 1.0 - (2.0 * gain - 1.0).powi(3);

@@ -31,9 +31,11 @@ pub struct Method {
     pub gradient_tolerance: f64,
     pub max_iterations: usize,
     pub max_halvings: usize,
-    /// Stops, too, where two steps in a row are cut short and together lower the cost by less than
-    /// this: kinks of the cost promise more than is to be had. 0 asks for nothing.
+    /// Stops, too, where two short steps in a row together lower the cost by less than this: kinks of the
+    /// cost promise more than is to be had. 0 asks for nothing.
     pub creep: f64,
+    /// Whether the last step, the one shorter than `step_tolerance`, is not taken.
+    pub spares_last: bool,
     pub undetermined: Undetermined,
     /// Whether a step that a kink of the cost stops is tried with one shared parameter after the
     /// other held, too.
@@ -50,6 +52,7 @@ impl Default for Method {
             max_iterations: 50,
             max_halvings: 20,
             creep: 0.0,
+            spares_last: false,
             undetermined: Undetermined::Refused,
             turns: true,
         }

@@ -130,10 +130,11 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 39] = [
+const THREADS: [(&str, &str); 40] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("cli/flights.rs", "files of flights, of which the last words of a run tell"),
+    ("diagnose/search/fits.rs", "candidates of one round of a diagnosis"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
     ("estimate/colour.rs", "series of residuals of one estimate, once at its end"),
     ("estimate/influential.rs", "segments of one estimate, once at its end"),

@@ -74,14 +74,10 @@ impl Task<'_> {
             // Hundreds of candidates are fitted: one that needs shorter steps is on a kink, and
             // shorter ones bring less than is promised.
             max_halvings: 5,
-            // Each of two steps has to bring what a step has to promise. Not where parts stick or
-            // stop: behind a row of short steps there lies more (a hidden friction of the Citation
-            // gained 448 where 483 is to be had).
-            creep: if self.case.model.moving.is_empty() {
-                2.0 * self.thresholds.least_promise
-            } else {
-                0.0
-            },
+            // Not where parts stick or stop: behind a row of short steps there lies more (a hidden friction of
+            // the Citation gained 448 where 483 is to be had).
+            creep: if self.case.model.moving.is_empty() { self.thresholds.creep } else { 0.0 },
+            spares_last: true,
             undetermined: Undetermined::Held,
             turns: false,
             ..Method::default()

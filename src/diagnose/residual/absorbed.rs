@@ -7,7 +7,6 @@ use crate::estimate::Block;
 use crate::math::pool;
 use crate::noise::{Absorbed, Direction, Part, Prior, Rule, Taken};
 use rayon::prelude::*;
-use std::borrow::Cow;
 
 /// A fit as the noise sees it.
 pub struct Fitted<'a> {
@@ -61,18 +60,9 @@ impl<'a> Fitted<'a> {
         Prior { weight, pull }
     }
 
-    /// The blocks of a segment, without what the residuals respond to.
-    fn blocks(&self, at: usize) -> Option<Cow<'a, [Block]>> {
-        let mut blocks = Cow::Borrowed(self.at.blocks(self.segments[at])?);
-        for i in 0..blocks.len() {
-            if let Some(Some(response)) =
-                self.responses.get(at).and_then(|of| of.get(blocks[i].output))
-            {
-                let e = &mut blocks.to_mut()[i].e;
-                e.iter_mut().zip(response).for_each(|(e, response)| *e -= response);
-            }
-        }
-        Some(blocks)
+    /// What the residuals of an output respond to in a segment of the fit.
+    fn response(&self, at: usize, output: usize) -> Option<&[f64]> {
+        self.responses.get(at)?.get(output)?.as_deref()
     }
 
     fn part(&self, noise: &Noise, at: usize) -> Option<Part> {
@@ -86,7 +76,8 @@ impl<'a> Fitted<'a> {
         let priors: Vec<Prior> =
             part.shared.iter().copied().chain(own).map(|i| self.prior(i)).collect();
         let all: Vec<usize> = (0..directions.len()).collect();
-        let white = noise.whiten(self.segments[at], &self.blocks(at)?, &all);
+        let (s, less) = (self.segments[at], |output: usize| self.response(at, output));
+        let white = noise.whiten_less(s, self.at.blocks(s)?, &all, &less);
         let part = Part::new(&directions, &white, &priors);
         white.into_iter().for_each(pool::give);
         part
@@ -96,12 +87,16 @@ impl<'a> Fitted<'a> {
     pub fn series(&self, at: usize) -> Vec<Series> {
         let one = |block: &Block| {
             let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
+            let mut e = block.e.clone();
+            if let Some(response) = self.response(at, block.output) {
+                e.iter_mut().zip(response).for_each(|(e, response)| *e -= response);
+            }
             let columns = match self.taken.get(at) {
-                Some(taken) => taken.series(&block.e, &block.g),
-                None => vec![block.e.clone()],
+                Some(taken) => taken.series(&e, &block.g),
+                None => vec![e],
             };
             Series { output: block.output, masked, columns }
         };
-        self.blocks(at).unwrap_or_default().iter().map(one).collect()
+        self.at.blocks(self.segments[at]).unwrap_or_default().iter().map(one).collect()
     }
 }

@@ -8,7 +8,7 @@
 //! `min(t, q)` before it. At instants at which an output was not measured, and those behind them,
 //! `partly` says what becomes of the others.
 
-use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
+use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve};
 use crate::math::mixed::{Term, mix};
 use crate::math::products::dot;
 
@@ -66,27 +66,30 @@ impl Joint {
         let masked: Vec<Option<&[bool]>> =
             at.iter().map(|rows| rows.map(|rows| &rows.masked[..])).collect();
         let partly = Partly::new(&self.predictors, &masked, n);
-        let (mut series, mut white) = (vec![vec![0.0; n]; at.len()], vec![vec![0.0; n]; at.len()]);
+        let m = at.len();
+        let between = |to: usize, from: usize, back: usize| {
+            (from as isize - to as isize) * n as isize - back as isize
+        };
+        let all = self.terms(m, &between);
+        let (mut series, mut white) = (vec![0.0; m * n], vec![0.0; m * n]);
         for column in columns {
-            for (one, rows) in series.iter_mut().zip(&at) {
+            for (one, rows) in series.chunks_exact_mut(n).zip(&at) {
                 match rows {
                     Some(rows) => one.copy_from_slice(&column[rows.from..rows.from + n]),
                     None => one.fill(0.0),
                 }
             }
-            white.iter_mut().zip(&series).for_each(|(white, one)| white.copy_from_slice(one));
-            self.whiten(&series, &mut white);
+            self.whiten(&series, &mut white, &all);
             partly.bridge(&self.predictors, &mut series, &mut white);
-            for (rows, white) in
-                at.iter().zip(&white).filter_map(|(rows, white)| Some(((*rows)?, white)))
-            {
+            for (rows, white) in at.iter().zip(white.chunks_exact(n)) {
+                let Some(rows) = rows else { continue };
                 column[rows.from..rows.from + n].copy_from_slice(white);
             }
         }
     }
 
-    /// The same for rows `[sample][n]`, everything measured, into `white`, which holds them; none where
-    /// an output was not measured at all.
+    /// The same for rows `[sample][n]`, everything measured, into those of `white`; none where an output was
+    /// not measured at all.
     pub fn apply_rows(
         &self,
         series: &[f64],
@@ -99,77 +102,70 @@ impl Joint {
         let (m, last) = (at.len(), self.predictors.len() - 1);
         let samples = at.first().map_or(0, |rows| rows.masked.len());
         if m < 2 || at.iter().any(|rows| rows.masked.len() != samples) {
+            for Rows { from, masked } in at {
+                let rows = from * n..(from + masked.len()) * n;
+                white[rows.clone()].copy_from_slice(&series[rows]);
+            }
             return Some(());
         }
         let between = |to: usize, from: usize, back: usize| {
             ((at[from].from as isize - at[to].from as isize) - back as isize) * n as isize
         };
-        let all: Vec<Vec<[Vec<Term>; 2]>> =
-            (0..=last).map(|q| (0..m).map(|i| self.terms(q, m, i, &between)).collect()).collect();
+        let all = self.terms(m, &between);
         for t in 0..samples {
-            let q = t.min(last);
-            for (i, [past, others]) in all[q].iter().enumerate() {
+            for (i, Terms { past, others, scale }) in all[t.min(last)].iter().enumerate() {
                 let place = (at[i].from + t) * n;
-                let scale = 1.0 / self.predictors[q].l[i * m + i];
-                mix((series, place, past), (white, place, others), n, scale);
+                mix((series, place, past), (white, place, others), n, *scale);
             }
         }
         Some(())
     }
 
-    /// What output `i` is made white with at an instant with `q` before it: series before, and white
-    /// outputs of this instant.
-    fn terms(
-        &self,
-        q: usize,
-        m: usize,
-        i: usize,
-        between: &dyn Fn(usize, usize, usize) -> isize,
-    ) -> [Vec<Term>; 2] {
-        let Predictor { b, l } = &self.predictors[q];
-        let past = |k: usize| Term { factor: -b[i * q * m + k], row: between(i, k % m, 1 + k / m) };
-        let others = |j: usize| Term { factor: -l[i * m + j], row: between(i, j, 0) };
-        [(0..q * m).map(past).collect(), (0..i).map(others).collect()]
+    /// What each of `m` outputs is made white with, `[instants before][output]`; `between`: how far a row lies
+    /// behind another one.
+    fn terms(&self, m: usize, between: &dyn Fn(usize, usize, usize) -> isize) -> Vec<Vec<Terms>> {
+        let of = |(q, Predictor { b, l }): (usize, &Predictor)| -> Vec<Terms> {
+            let one = |i: usize| {
+                let past = |k: usize| Term {
+                    factor: -b[i * q * m + k],
+                    row: between(i, k % m, 1 + k / m),
+                };
+                let others = |j: usize| Term { factor: -l[i * m + j], row: between(i, j, 0) };
+                Terms {
+                    past: (0..q * m).map(past).collect(),
+                    others: (0..i).map(others).collect(),
+                    scale: 1.0 / l[i * m + i],
+                }
+            };
+            (0..m).map(one).collect()
+        };
+        self.predictors.iter().enumerate().map(of).collect()
     }
 
-    /// Series of all outputs, everything measured, made white; `white` holds them.
-    fn whiten(&self, series: &[Vec<f64>], white: &mut [Vec<f64>]) {
-        let (last, m, n) = (self.predictors.len() - 1, series.len(), series[0].len());
-        for t in 0..last.min(n) {
-            let b = &self.predictors[t].b;
-            for (i, white) in white.iter_mut().enumerate() {
-                white[t] -= (0..t * m)
-                    .map(|k| b[i * t * m + k] * series[k % m][t - 1 - k / m])
-                    .sum::<f64>();
+    /// Series `[output][sample]`, everything measured, made white.
+    fn whiten(&self, series: &[f64], white: &mut [f64], all: &[Vec<Terms>]) {
+        let (last, m) = (self.predictors.len() - 1, all[0].len());
+        let n = series.len() / m;
+        let mut samples = |from: usize, to: usize| {
+            for (i, Terms { past, others, scale }) in all[from.min(last)].iter().enumerate() {
+                let place = i * n + from;
+                mix((series, place, past), (white, place, others), to - from, *scale);
             }
-        }
-        // From order q on the predictor stays the same: output by output and lag by lag over the
-        // whole column.
-        let Predictor { b, l } = &self.predictors[last];
-        for (i, white) in white.iter_mut().enumerate().filter(|_| n > last) {
-            for k in 0..last * m {
-                let factor = b[i * last * m + k];
-                white[last..]
-                    .iter_mut()
-                    .zip(&series[k % m][last - 1 - k / m..])
-                    .for_each(|(w, x)| *w -= factor * x);
-            }
-        }
-        for t in 0..last.min(n) {
-            let mut v: Vec<f64> = white.iter().map(|w| w[t]).collect();
-            forward(&self.predictors[t].l, m, &mut v);
-            white.iter_mut().zip(v).for_each(|(w, v)| w[t] = v);
-        }
-        for i in 0..m {
-            let (before, rest) = white.split_at_mut(i);
-            let (own, scale) = (&mut rest[0][last.min(n)..], 1.0 / l[i * m + i]);
-            for (j, other) in before.iter().enumerate() {
-                let factor = l[i * m + j];
-                own.iter_mut().zip(&other[last.min(n)..]).for_each(|(w, v)| *w -= factor * v);
-            }
-            own.iter_mut().for_each(|w| *w *= scale);
+        };
+        (0..last.min(n)).for_each(|t| samples(t, t + 1));
+        // From order q on the predictor stays the same: output by output over the whole column.
+        if n > last {
+            samples(last, n);
         }
     }
+}
+
+/// What an output is made white with at an instant: series before it, white outputs of this instant, and over
+/// what.
+struct Terms {
+    past: Vec<Term>,
+    others: Vec<Term>,
+    scale: f64,
 }
 
 /// Sums of products `w_t w_(t-lag)'` of series of several outputs.

@@ -67,30 +67,29 @@ impl Partly {
 
     /// Makes these instants of the series `[output][instant]` white, and puts guesses in place of
     /// what was not measured.
-    pub fn bridge(
-        &self,
-        predictors: &[Predictor],
-        series: &mut [Vec<f64>],
-        white: &mut [Vec<f64>],
-    ) {
-        let m = series.len();
+    pub fn bridge(&self, predictors: &[Predictor], series: &mut [f64], white: &mut [f64]) {
+        let Some(Pattern { present, absent, .. }) = self.patterns.first() else { return };
+        let m = present.len() + absent.len();
+        let n = series.len() / m;
         for &(t, pattern) in &self.steps {
             let Pattern { order, present, absent, root, guess } = &self.patterns[pattern];
             let (b, width) = (&predictors[*order].b, order * m);
             let foretold: Vec<f64> = (0..m)
-                .map(|i| (0..width).map(|k| b[i * width + k] * series[k % m][t - 1 - k / m]).sum())
+                .map(|i| {
+                    (0..width).map(|k| b[i * width + k] * series[k % m * n + t - 1 - k / m]).sum()
+                })
                 .collect();
-            let new: Vec<f64> = present.iter().map(|&i| series[i][t] - foretold[i]).collect();
+            let new: Vec<f64> = present.iter().map(|&i| series[i * n + t] - foretold[i]).collect();
             for (&i, guess) in absent
                 .iter()
                 .zip(guess.chunks(present.len().max(1)).chain(std::iter::repeat(&[][..])))
             {
-                series[i][t] = foretold[i] + dot(guess, &new);
-                white[i][t] = 0.0;
+                series[i * n + t] = foretold[i] + dot(guess, &new);
+                white[i * n + t] = 0.0;
             }
             let mut out = new;
             forward(root, present.len(), &mut out);
-            present.iter().zip(out).for_each(|(&i, w)| white[i][t] = w);
+            present.iter().zip(out).for_each(|(&i, w)| white[i * n + t] = w);
         }
     }
 }

@@ -34,6 +34,17 @@ impl Noise {
     /// directions `wanted`, then the residuals; rows block by block. Outputs of unknown noise are
     /// left out; rows of samples that were not measured are 0.
     pub fn whiten(&self, segment: usize, blocks: &[Block], wanted: &[usize]) -> Vec<Vec<f64>> {
+        self.whiten_less(segment, blocks, wanted, &|_| None)
+    }
+
+    /// The same with something taken out of the residuals of an output.
+    pub fn whiten_less<'r>(
+        &self,
+        segment: usize,
+        blocks: &[Block],
+        wanted: &[usize],
+        less: &dyn Fn(usize) -> Option<&'r [f64]>,
+    ) -> Vec<Vec<f64>> {
         let known = |block: &&Block| self.filter(segment, block.output).is_some();
         let samples: usize = blocks.iter().filter(known).map(|b| b.e.len()).sum();
         let mut columns: Vec<Vec<f64>> = (0..=wanted.len()).map(|_| pool::take(samples)).collect();
@@ -44,7 +55,11 @@ impl Noise {
             let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
             let to = from + masked.len();
             columns_of(&block.g, wanted, from..to, &mut columns);
-            columns[wanted.len()][from..to].copy_from_slice(&block.e);
+            let e = &mut columns[wanted.len()][from..to];
+            e.copy_from_slice(&block.e);
+            if let Some(less) = less(block.output) {
+                e.iter_mut().zip(less).for_each(|(e, less)| *e -= less);
+            }
             filter.whiten_all(columns.iter_mut().map(|column| &mut column[from..to]), &masked);
             rows.resize(rows.len().max(block.output + 1), None);
             rows[block.output] = Some(Rows { from, masked });
@@ -96,12 +111,19 @@ impl Noise {
         }
         let joint = self.groups.get(segment).and_then(|&g| self.joint.get(g));
         let here = |joint: &&Joint| joint.set.segments.binary_search(&segment).is_ok();
-        let mut joint = joint.into_iter().flatten().filter(here).peekable();
-        if joint.peek().is_none() {
+        let joint: Vec<&Joint> = joint.into_iter().flatten().filter(here).collect();
+        if joint.is_empty() {
             return Some(single);
         }
         let mut white = pool::take(samples * n);
-        white.copy_from_slice(&single);
+        let is_alone = |o: &usize| joint.iter().all(|joint| !joint.set.outputs.contains(o));
+        for Rows { from, masked } in
+            (0..rows.len()).filter(is_alone).filter_map(|o| rows[o].as_ref())
+        {
+            let rows = from * n..(from + masked.len()) * n;
+            white[rows.clone()].copy_from_slice(&single[rows]);
+        }
+        let mut joint = joint.into_iter();
         let done: Option<()> =
             joint.try_for_each(|joint| joint.apply_rows(&single, &mut white, n, &rows));
         pool::give(single);
@@ -145,10 +167,25 @@ fn directions_of<'b>(block: &'b Block, wanted: &[usize]) -> Cow<'b, [f64]> {
     }
     let mut some = pool::take(block.e.len() * wanted.len());
     let rows = block.g.chunks_exact(all.max(1));
+    let runs = runs(wanted);
     for (some, row) in some.chunks_exact_mut(wanted.len().max(1)).zip(rows) {
-        some.iter_mut().zip(wanted).for_each(|(x, &k)| *x = row[k]);
+        for (from, of) in &runs {
+            some[*from..from + of.len()].copy_from_slice(&row[of.clone()]);
+        }
     }
     Cow::Owned(some)
+}
+
+/// Directions that follow each other: where the first of them stands among those wanted, and which they are.
+fn runs(wanted: &[usize]) -> Vec<(usize, Range<usize>)> {
+    let mut runs: Vec<(usize, Range<usize>)> = Vec::new();
+    for (place, &k) in wanted.iter().enumerate() {
+        match runs.last_mut() {
+            Some((_, of)) if of.end == k => of.end += 1,
+            _ => runs.push((place, k..k + 1)),
+        }
+    }
+    runs
 }
 
 /// Rows of sensitivities `[sample][direction]` into the rows `to` of columns, those wanted.

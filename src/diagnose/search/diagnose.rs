@@ -173,7 +173,7 @@ impl Search<'_> {
         let named: Vec<Link> = self.links.iter().filter(|l| l.doubt.is_none()).cloned().collect();
         let chained = self.chained(&named)?;
         let (stand, added) = chained.unwrap_or_else(|| (self.first(), Vec::new()));
-        let last = self.with(&stand, &base)?;
+        let last = self.with(&stand, &named, &base)?;
         if added.len() < named.len() || (last.is_none() && !named.is_empty()) {
             let names: Vec<&str> = named.iter().map(|l| l.name.as_str()).collect();
             return Ok(Err(Trouble::Base(format!(
@@ -236,7 +236,7 @@ impl Search<'_> {
     fn forward(&mut self, base: &Found) -> Result<(), Errors> {
         while self.links.len() < self.subject.settings.effects {
             let Some((stand, added)) = self.chained(&self.links)? else { return Ok(()) };
-            let made = self.with(&stand, base)?;
+            let made = self.with(&stand, &self.links, base)?;
             if made.is_none() && !self.links.is_empty() {
                 return Ok(());
             }
@@ -268,13 +268,18 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The base with what was added; none where nothing was, or where it does not run. What was
+    /// The base with what these links add; none where there are none, or where it does not run. What was
     /// fitted from there once is not fitted again.
-    fn with(&self, stand: &Stand, base: &Found) -> Result<Option<Rc<Found>>, Errors> {
+    fn with(
+        &self,
+        stand: &Stand,
+        links: &[Link],
+        base: &Found,
+    ) -> Result<Option<Rc<Found>>, Errors> {
         if stand.added.is_empty() {
             return Ok(None);
         }
-        let known = self.links.last().map(|link| &link.known);
+        let known = links.last().map(|link| &link.known);
         let start = |name: &String| (name.clone(), stand.method.starts.get(name).copied());
         let added: Vec<_> = stand.added.iter().map(start).collect();
         let is = |made: &&Made| made.added == added && made.known.as_ref() == known;
@@ -296,7 +301,8 @@ impl Search<'_> {
     ) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
-        let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
+        let progress = self.progress;
+        let tell = |text: &str| progress(&format!("round {number}: {text}"));
         let mut round =
             held_against(stand, found, &case, offered, (self.subject, &self.fits), &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();

@@ -33,7 +33,7 @@ pub fn held_against(
     case: &Case,
     (candidates, least, tested): (&[Candidate], f64, Option<&str>),
     (subject, fits): (&Subject, &Fits),
-    progress: &dyn Fn(&str),
+    progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Round, Errors> {
     let settings = subject.settings;
     progress(&format!("screening {} candidates", candidates.len()));
@@ -85,10 +85,14 @@ pub fn held_against(
         }
         None => format!("nothing gains more than chance, {limit:.1}"),
     });
-    for (at, &i) in order.iter().take(settings.refits).enumerate() {
-        progress(&format!("fit {} of {refits}, {}", at + 1, judged[i].name));
-        let candidate = &referenced(&candidates[i], stand, &judged[i].screened.references)?;
-        let one = fits.of(found, &ground, candidate, &judged[i].screened.at)?;
+    order.truncate(refits);
+    let referenced = |&i: &usize| referenced(&candidates[i], stand, &judged[i].screened.references);
+    let tried: Vec<Cow<Candidate>> = order.iter().map(referenced).collect::<Result<_, _>>()?;
+    let starts = order.iter().map(|&i| &judged[i].screened.at[..]);
+    let asked: Vec<(&Candidate, &[f64])> = tried.iter().map(|c| &**c).zip(starts).collect();
+    let begun = |candidate: &Candidate| progress(&format!("{} is fitted in full", candidate.name));
+    let fits = fits.of(found, &ground, &asked, &begun)?;
+    for ((&i, candidate), one) in order.iter().zip(&tried).zip(fits) {
         let judged = &mut judged[i];
         let Some((one, left)) = one else {
             (judged.standing, judged.why) =

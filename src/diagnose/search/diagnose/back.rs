@@ -89,7 +89,7 @@ impl Search<'_> {
             (self.progress)(&format!("{name}: is it chosen from other maneuvers, too?"));
             let others: Vec<Link> = self.links.iter().filter(|l| l.name != name).cloned().collect();
             if let Some((stand, _)) = self.chained(&others)? {
-                let made = self.with(&stand, base)?;
+                let made = self.with(&stand, &others, base)?;
                 let found = made.as_deref().unwrap_or(base);
                 let takes_part = |effect: &str| round.judged.iter().any(|j| j.effect == effect);
                 let (candidates, _) = self.offered(&stand, &takes_part)?;
@@ -135,7 +135,7 @@ impl Search<'_> {
         let wanted = |effect: &str| names().any(|name| effect_of(name) == effect);
         let (mut candidates, _) = self.offered(&stand, &wanted)?;
         candidates.retain(|c| takes_part(&c.name));
-        let made = self.with(&stand, base)?;
+        let made = self.with(&stand, &others, base)?;
         if made.is_none() && !others.is_empty() {
             return Ok(None);
         }
