@@ -142,6 +142,16 @@ thresholds! {
     /// promise many parameters more than is to be had.
     promise_per_parameter: f64 = 0.05, "log-likelihood";
 
+    /// How often a candidate's fit that gains, and has not settled at its last iteration, goes on from there.
+    /// *Chosen* with the recordings of `rest` in view. Lower: what is there "did not settle". Higher: longer diagnoses.
+    further: usize = 2, "";
+
+    /// So many steps in a row that kinks cut short tell whether a fit has come to rest: it has where together they
+    /// brought less than one may still promise. *Chosen* with two recordings of the Citation in view, in which
+    /// friction, the truth, gained most and was refused because steps across its kinks promise more.
+    /// Lower: fits that only pause. Higher: more fits that "did not settle".
+    rest: usize = 4, "";
+
     /// Iterations of a fit at most: it starts from an estimate, or near one. 12 at first; *chosen*
     /// with the single real records in view.
     iterations: usize = 20, "";
@@ -232,6 +242,12 @@ thresholds! {
     /// against it: it stays, unnamed. *First guess*, from when flights of another simulator were
     /// first looked at. Lower: more stays unnamed and stands in the way. Higher: it is dropped.
     kept_factor: f64 = 3.5, "times the gain by chance";
+
+    /// Of two that explain the same, the second one must have this share of the first one's evidence beside it to be
+    /// a second effect; with less, the truth lies between them or near one of them. *Convention*, with the
+    /// recordings of `rest` in view. Lower: both of a class are added, and each is doubted beside the other.
+    /// Higher: a small second effect of the same kind is told, and not added.
+    between: f64 = 0.1, "share of the evidence";
 
     /// Share of what one effect explains that another one must explain as well for the two to be
     /// alternatives. *Convention* (a half): below it both may be missing. Lower: classes join what

@@ -199,8 +199,7 @@ impl Store {
     /// # Errors
     /// The file is not there, or is no part of this table.
     pub fn table(&self, name: &str, part: &Part) -> Result<Table> {
-        let flight = if let Part::Flight(id) = part { Some(id.as_str()) } else { None };
-        table::read_file(&self.path(&part.path(name)), name, flight)
+        table::read_file(&self.path(&part.path(name)), name, part.folder())
     }
 
     /// These columns of a part of a table.
@@ -208,10 +207,9 @@ impl Store {
     /// # Errors
     /// As `table`.
     pub fn columns(&self, name: &str, part: &Part, own: &[&str]) -> Result<Table> {
-        let flight = if let Part::Flight(id) = part { Some(id.as_str()) } else { None };
         let own: Vec<String> = own.iter().map(ToString::to_string).collect();
         let want = Want { own: Some(&own), ..Want::default() };
-        table::read_wanted(&self.path(&part.path(name)), name, flight, want)
+        table::read_wanted(&self.path(&part.path(name)), name, part.folder(), want)
     }
 
     /// Removes an output file, and its folder where that is empty now.

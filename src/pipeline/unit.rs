@@ -85,8 +85,7 @@ impl Needed {
         let path = self.path(folder);
         let file = File::open(&path)
             .map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))?;
-        let flight = if let Part::Flight(id) = &self.part { Some(id.as_str()) } else { None };
-        Table::part_of_parquet(&self.table, file, flight, want)
+        Table::part_of_parquet(&self.table, file, self.part.folder(), want)
             .map_err(|e| Error { place: Some(Place::file(path.to_string_lossy())), ..e })
     }
 }

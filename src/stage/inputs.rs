@@ -55,6 +55,11 @@ impl Part {
         }
     }
 
+    /// The flight in whose folder it stands: a column that its file does not have.
+    pub fn folder(&self) -> Option<&str> {
+        if let Part::Flight(id) = self { Some(id) } else { None }
+    }
+
     /// Its number, where parts are numbered.
     pub fn number(&self) -> Option<usize> {
         match self {

@@ -11,7 +11,8 @@ use crate::diagnose::residual::whitening::{Noise, rows_of};
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::Case;
 use crate::least_squares::{
-    Block, Evaluate, Layout, Method, Part, Stop, Structure, Undetermined, give_back, minimise,
+    Block, Evaluate, Iteration, Layout, Method, Part, Stop, Structure, Undetermined, give_back,
+    minimise,
 };
 use crate::math::pool;
 use rayon::prelude::*;
@@ -36,7 +37,8 @@ pub struct Trained {
     pub costs: Vec<f64>,
     /// Half the squared deviations from priors, in their standard deviations.
     pub prior: f64,
-    /// What a step still promises is less than chance gives one parameter.
+    /// What a step still promises is less than chance gives one parameter; or, where kinks cut steps short, what
+    /// the last ones brought.
     pub converged: bool,
 }
 
@@ -60,7 +62,8 @@ impl Task<'_> {
         let theta = self.whole(&layout, &found.theta, theta);
         // Nothing to fit has been fitted.
         let nothing = layout.start.is_empty() || found.stop == Stop::NoData;
-        let converged = nothing || found.promise < self.promise();
+        let converged =
+            nothing || found.promise < self.promise() || self.is_at_rest(&found.iterations);
         Some(Trained { costs: self.costs(&theta)?, prior, theta, converged })
     }
 
@@ -166,6 +169,17 @@ impl Task<'_> {
     /// parameters promise more than is to be had.
     fn promise(&self) -> f64 {
         self.thresholds.promise.max(self.thresholds.promise_per_parameter * self.free.len() as f64)
+    }
+
+    /// Whether kinks cut the last steps short, and all of them together brought less than one may still promise:
+    /// across a kink (friction, play) a parabola promises what is not there.
+    fn is_at_rest(&self, history: &[Iteration]) -> bool {
+        let Some(before) = history.len().checked_sub(self.thresholds.rest + 1) else {
+            return false;
+        };
+        let (first, last) = (&history[before], &history[before + 1..]);
+        let brought = first.cost - last.last().map_or(f64::NAN, |i| i.cost);
+        last.iter().all(|i| i.halvings > 0) && brought < self.promise()
     }
 
     /// Cost of all segments at `theta`, with what priors add.

@@ -15,6 +15,7 @@ use crate::diagnose::subject::Subject;
 use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
 use crate::estimate::Case;
+use rayon::join;
 
 /// Where the gap is, and what the additions did to it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -53,18 +54,26 @@ pub fn comparison(subject: &Subject, first: &Found, last: &Found) -> Result<Comp
     let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
     let looks = Looks::of(thresholds, characteristic_time(before.records.iter(), thresholds));
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
-    let (flown_before, flown_after) = (flown(first, &before), flown(last, &after));
-    let (driven, lacking) = lacking(subject, first, &flown_before, &looks)?;
+    let (flown_before, flown_after) = join(|| flown(first, &before), || flown(last, &after));
+    let is_amended = first.model.parameters.len() != last.model.parameters.len();
+    let ((lacking, still), (gaps_before, gaps_after)) = join(
+        || {
+            join(
+                || lacking(subject, first, &flown_before, &looks),
+                || is_amended.then(|| lacking(subject, last, &flown_after, &looks)),
+            )
+        },
+        || join(|| gaps(&flown_before, &inputs, &looks), || gaps(&flown_after, &inputs, &looks)),
+    );
+    let (driven, lacking) = lacking?;
     let mut comparison = Comparison {
-        gaps_before: gaps(&flown_before, &inputs, &looks),
-        gaps_after: gaps(&flown_after, &inputs, &looks),
+        gaps_before,
+        gaps_after,
         driven,
         lacking,
+        still_lacking: still.transpose()?.map(|(_, lacking)| lacking),
         ..Comparison::default()
     };
-    if first.model.parameters.len() != last.model.parameters.len() {
-        comparison.still_lacking = Some(self::lacking(subject, last, &flown_after, &looks)?.1);
-    }
     if first.prepared.used != last.prepared.used {
         return Ok(comparison);
     }

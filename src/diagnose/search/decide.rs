@@ -317,6 +317,7 @@ mod tests {
             refit: None,
             evidence,
             instead: None,
+            replaces: false,
             standing: Standing::Chance,
             why: text(),
         }

@@ -48,6 +48,8 @@ struct Link {
     limit: f64,
     /// Candidates that came near it in its round.
     rivals: Vec<String>,
+    /// Those of its round that explain the same, and are not told from it.
+    alike: Vec<String>,
     /// Why it is not believed although nothing explains more.
     doubt: Option<String>,
     /// It takes noise out of a record, or is nothing but that.
@@ -96,6 +98,7 @@ pub fn diagnose(
         findings: Vec::new(),
         doubts: Vec::new(),
         unsettled: Vec::new(),
+        beside: Vec::new(),
         unstable: Vec::new(),
         added: Vec::new(),
         values: Vec::new(),
@@ -198,6 +201,27 @@ impl Search<'_> {
         Stand::first(self.subject.model, self.subject.method, self.subject.settings.base)
     }
 
+    /// The link that a candidate is an alternative to, where beside it it adds little: the two explain the same, each
+    /// in its own way, and what the chosen one leaves is no second effect.
+    fn instead_of(&self, judged: &Judged) -> Option<&Link> {
+        let share = self.subject.settings.thresholds.between;
+        self.links
+            .iter()
+            .find(|l| l.alike.contains(&judged.name) && judged.evidence < share * l.evidence)
+    }
+
+    /// What such candidates of a round add, in words.
+    fn beside(&self, round: &Round) -> Vec<String> {
+        let words = |j: &Judged| {
+            let link = self.instead_of(j).filter(|_| j.evidence > round.limit)?;
+            Some(format!(
+                "beside {}, {}, which explains the same, gains {:.1} more, where chance gives {:.1}",
+                link.name, j.name, j.evidence, round.limit
+            ))
+        };
+        round.class.iter().filter_map(|&c| words(round.judged.get(c)?)).collect()
+    }
+
     fn rivals(&self) -> usize {
         self.subject.settings.thresholds.rivals
     }
@@ -251,7 +275,8 @@ impl Search<'_> {
             });
             let number = self.out.rounds.len() + 1;
             let round = self.round(&stand, found, (&candidates, 0.0, None))?;
-            let chosen = to_add(&round, self.subject.settings);
+            self.out.beside = self.beside(&round);
+            let chosen = to_add(&round, &|j| self.instead_of(j).is_some(), self.subject.settings);
             let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
             (self.progress)(&match &link {
                 Some(link) => {
@@ -313,8 +338,12 @@ impl Search<'_> {
 /// The candidate to add: the first of the class, unless another one has more evidence by far that
 /// held-out maneuvers hardly take away. Beside a name that one may be one that the flights do not
 /// determine: the name would be wrong where something else explains far more. What noise of the inputs makes is
-/// not added.
-fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
+/// not added, nor is an alternative to what is there (`is_instead`) and what explains the same as that one.
+fn to_add(
+    round: &Round,
+    is_instead: &dyn Fn(&Judged) -> bool,
+    settings: &Settings,
+) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
     let held = |j: &Judged| {
         j.standing.is_doubt()
@@ -325,11 +354,14 @@ fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
     };
     let passing =
         |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
-    let able =
-        (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
+    let best = round.class.iter().any(|&c| is_instead(&round.judged[c]));
+    let is_out = |j: &Judged| is_instead(j) || best && j.replaces;
+    let able = (0..round.judged.len())
+        .filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]))
+        .filter(|&i| !is_out(&round.judged[i]));
     let top =
         able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
-    match round.class.first() {
+    match round.class.iter().find(|&&c| !is_out(&round.judged[c])) {
         Some(&first)
             if round.class.iter().any(|&c| {
                 round.judged[c].evidence > round.judged[top].evidence - settings.apart
@@ -346,12 +378,15 @@ fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
     let mut near: Vec<&Judged> =
         round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
     near.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let class = round.class.iter().filter_map(|&c| round.judged.get(c));
+    let alike = class.filter(|j| j.name != judged.name);
     Some(Link {
         name: judged.name.clone(),
         values: refit.values.iter().map(|v| v.value).collect(),
         evidence: judged.evidence,
         limit: round.limit,
         rivals: near.iter().take(rivals).map(|j| j.name.clone()).collect(),
+        alike: alike.map(|j| j.name.clone()).collect(),
         doubt: None,
         noise: judged.is_of_record(),
         known: refit.known.clone(),

@@ -135,7 +135,7 @@ fn unsettled(out: &Diagnosis, thresholds: &Thresholds) -> Vec<String> {
             j.name, j.score, round.limit
         )
     };
-    round.judged.iter().filter(failed).map(words).collect()
+    round.judged.iter().filter(failed).map(words).chain(out.beside.iter().cloned()).collect()
 }
 
 /// Whether a parameter moves by more than so many of its sd.

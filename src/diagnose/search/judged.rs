@@ -100,6 +100,8 @@ pub struct Judged {
     /// The share of what the round's tested effect explains that this one explains as well, where that
     /// one may not be believed and this one may.
     pub instead: Option<f64>,
+    /// It explains what the best one of its round explains.
+    pub replaces: bool,
     pub standing: Standing,
     /// The standing in words, with its figures.
     pub why: String,

@@ -96,6 +96,15 @@ pub fn refit(
     {
         (free, fit) = fitted(&case, ground.noise, ground.places, found, &names, ground.thresholds);
     }
+    // Where parts stick or stop, kinks cut steps short: what gains without having settled goes on, and has settled
+    // where no step brings anything, whatever a parabola promises.
+    for _ in 0..ground.thresholds.further {
+        let gains = |found: &&Trained| !found.converged && found.cost() < ground.fit.cost();
+        let Some(found) = fit.as_ref().filter(gains) else { break };
+        let (from, before) = (found.theta.clone(), found.cost());
+        (free, fit) = fitted(&case, ground.noise, ground.places, from, &names, ground.thresholds);
+        fit.iter_mut().for_each(|found| found.converged |= !(found.cost() < before));
+    }
     let Some(fit) = fit else { return Ok(None) };
     let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
     let task = Task {

@@ -153,6 +153,7 @@ pub fn held_against(
         if !replaces {
             words += "; it explains something else";
         }
+        judged[i].replaces = replaces;
         let standing = match class.iter().position(|&c| c == i) {
             Some(0) => Standing::Chosen,
             Some(_) => Standing::Alike,
@@ -244,6 +245,7 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
         refit: None,
         evidence: f64::NAN,
         instead: None,
+        replaces: false,
         standing,
         why,
     }

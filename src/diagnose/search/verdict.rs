@@ -75,6 +75,8 @@ pub struct Diagnosis {
     /// Candidates that gain more than chance beside everything that was named, and whose full fit did not
     /// end; in words.
     pub unsettled: Vec<String>,
+    /// Alternatives to what was found that gain a little more beside it, in words.
+    pub beside: Vec<String>,
     /// Those among the doubts that other choices of the maneuvers do not choose, with the votes.
     pub unstable: Vec<(String, Stability)>,
     /// What was added, in order: the candidates as they stand in the model.
