@@ -166,6 +166,8 @@ impl Search<'_> {
         self.out.before = answering(&self.first(), &base, self.subject.settings);
         self.forward(&base)?;
         while !self.back(&base)? {
+            // Said of a link that may be gone.
+            self.out.beside.clear();
             // No end of it: what does not hold is taken out, and nothing comes in any more.
             self.ending = self.out.rounds.len() >= most;
             if !self.ending {
