@@ -87,9 +87,48 @@ fn fault_of_two_clocks_that_take_turns_the_rarer_one_is_dropped_or_the_flight_re
         let e = read_with(&|k| k % 5 == 3, by).expect_err("a fifth");
         assert!(e.contains("forth and back by") && e.contains("200 times: two clocks gave"), "{e}");
     }
+    // over one and the same time
+    for by in [-3, 3] {
+        let flight = read_with(&|k| k % 20 == 7, by).expect("most is of one clock");
+        let x = &flight.signals["x"];
+        assert_eq!((x.account.count, x.account.dropped_clock), (950, 50), "{by}");
+        let length = x.series.t_s[949] - x.series.t_s[0];
+        assert!((length - 9.99).abs() < 1e-6, "{length} s");
+        let e = read_with(&|k| k % 2 == 1, by).expect_err("half");
+        for words in [
+            "topic \"/t\" of a.mcap: the clock went forth and back by 3.000 s, 500 times: two clocks",
+            "500 of 1000 messages (50 %) are of the one that gave fewer",
+        ] {
+            assert!(e.contains(words), "{e}");
+        }
+    }
     // a pause is none of these
     let flight = read_with(&|k| k >= 500, 600).expect("a pause");
     assert_eq!(flight.signals["x"].account.count, 1000);
+}
+
+#[test]
+fn fault_times_that_go_forth_and_back_by_little_are_sorted_with_a_warning() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    // 505 ms ahead: every other message, every twentieth, and one
+    for (every, severity) in
+        [(2, Severity::Warning), (20, Severity::Warning), (1000, Severity::Info)]
+    {
+        let mut messages = regular(1000);
+        for (_, log, publish, _) in messages.iter_mut().skip(7).step_by(every) {
+            *log += 505_000_000;
+            *publish = *log;
+        }
+        raw(&path, "json", &messages, 4000);
+        let flight = read(&path, &one_signal("log")).expect("read");
+        assert_eq!(flight.signals["x"].account.count, 1000);
+        let of = |n: &&Note| n.text.contains("of 1000 messages out of order, sorted");
+        let said: Vec<&Note> = flight.notes.iter().filter(of).collect();
+        assert!(said.len() == 1 && said[0].severity == severity, "{every}: {:?}", flight.notes);
+        let why = said[0].text.contains("two clocks or two sources may have given the times");
+        assert_eq!(why, severity == Severity::Warning, "{}", said[0].text);
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! one. A block of messages that come late is none of these: it adjoins what is there already.
 
 use super::astray::{Astray, astray};
+use super::by_turns::{ByTurns, by_turns};
 use super::series::{DAY_NS, seconds};
 use super::turned::{FEW, MOST, is_shuffled, several, usual};
 use std::ops::Range;
@@ -58,6 +59,13 @@ pub fn too_many(all: &[Two], of: usize) -> Option<&Two> {
     all.iter().max_by_key(|two| two.fewer.len()).filter(|_| is_much)
 }
 
+/// How many messages the rarer clocks gave, in words.
+pub fn share(all: &[Two], of: usize, what: &str) -> String {
+    let fewer: usize = all.iter().map(|two| two.fewer.len()).sum();
+    let percent = 100.0 * fewer as f64 / of.max(1) as f64;
+    format!("{fewer} of {of} {what} ({percent:.0} %) are of the one that gave fewer")
+}
+
 /// The messages that are left out of a topic, because its clock was set back and gave few others, with the
 /// places where it was. Those more than a day from the others are told elsewhere.
 ///
@@ -76,7 +84,7 @@ pub fn left_out(stamps: &[Option<i64>]) -> Result<Vec<Two>, String> {
         .unzip();
     let mut all = two_clocks(&times);
     if let Some(many) = too_many(&all, times.len()) {
-        return Err(many.words());
+        return Err(format!("{}; {}", many.words(), share(&all, times.len(), "messages")));
     }
     for two in &mut all {
         two.fewer.iter_mut().for_each(|k| *k = rows[*k]);
@@ -130,8 +138,30 @@ fn beside(times: &[i64]) -> Vec<Two> {
     let mut ordered = times.to_vec();
     ordered.sort_unstable();
     let Some(usual) = usual(&ordered) else { return Vec::new() };
-    let found = astray(times, APART.max(usual.saturating_mul(STEPS)));
-    found.iter().filter_map(|of| of_astray(times, of)).collect()
+    let apart = APART.max(usual.saturating_mul(STEPS));
+    let found: Vec<Two> =
+        astray(times, apart).iter().filter_map(|of| of_astray(times, of)).collect();
+    // where both went on over the same time, only the ends of the one are beside the record
+    let beside: usize = found.iter().map(|two| two.fewer.len()).sum();
+    let turns = by_turns(times, apart).and_then(|of| of_turns(times, &of));
+    match turns.filter(|two| two.fewer.len() > beside) {
+        Some(two) => vec![two],
+        None => found,
+    }
+}
+
+/// What the rarer of two clocks gave that took turns over the same time.
+fn of_turns(times: &[i64], of: &ByTurns) -> Option<Two> {
+    let (ahead, others): (Vec<usize>, Vec<usize>) =
+        (0..times.len()).partition(|&k| of.is_ahead.get(k) == Some(&true));
+    let (fewer, more) = if ahead.len() <= others.len() { (ahead, others) } else { (others, ahead) };
+    let at = *fewer.first()?;
+    let turns = 1 + fewer.windows(2).filter(|w| w[1] > w[0] + 1).count();
+    let span = |of: &[usize]| {
+        let times = || of.iter().map(|&k| times[k]);
+        times().min().zip(times().max())
+    };
+    Some(Two { at, by: of.by, others: span(&more)?, behind: span(&fewer)?, fewer, turns })
 }
 
 fn of_astray(times: &[i64], of: &Astray) -> Option<Two> {
@@ -187,134 +217,5 @@ fn is_of_another(times: &[i64], block: Range<usize>, apart: i64) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const S: i64 = 1_000_000_000;
-
-    fn grid(n: i64) -> Vec<i64> {
-        (0..n).map(|k| 500 * S + 10_000_000 * k).collect()
-    }
-
-    fn with(n: i64, change: impl Fn(&mut [i64])) -> Vec<i64> {
-        let mut times = grid(n);
-        change(&mut times);
-        times
-    }
-
-    #[test]
-    fn a_clock_set_back_to_before_the_record_is_found_with_both_spans() {
-        let times = with(1000, |t| t[600..].iter_mut().for_each(|t| *t -= 100 * S));
-        let found = two_clocks(&times);
-        assert_eq!(found.len(), 1);
-        let two = &found[0];
-        assert_eq!((two.at, two.by), (600, 100 * S - 10_000_000));
-        assert_eq!(two.others, (500 * S, 505_990_000_000));
-        assert_eq!(two.behind, (406 * S, 409_990_000_000));
-        assert_eq!(two.fewer, (600..1000).collect::<Vec<_>>());
-        assert_eq!(too_many(&found, 1000), Some(two));
-        // a few before it, or a few behind it
-        for (at, fewer) in [(50, 0..50), (950, 950..1000)] {
-            let times = with(1000, |t| t[at..].iter_mut().for_each(|t| *t -= 100 * S));
-            let found = two_clocks(&times);
-            assert_eq!(found[0].fewer, fewer.collect::<Vec<_>>());
-            assert!(found.len() == 1 && too_many(&found, 1000).is_none());
-        }
-    }
-
-    #[test]
-    fn messages_without_a_stamp_and_of_another_year_keep_their_places() {
-        let times = with(1000, |t| t[960..].iter_mut().for_each(|t| *t -= 100 * S));
-        let mut stamps: Vec<Option<i64>> = times.into_iter().map(Some).collect();
-        (stamps[10], stamps[20]) = (None, Some(i64::MIN));
-        let fewer = |stamps: &[Option<i64>]| left_out(stamps).map(|all| all[0].fewer.clone());
-        assert_eq!(fewer(&stamps), Ok((960..1000).collect()));
-        let many = with(1000, |t| t[600..].iter_mut().for_each(|t| *t -= 100 * S));
-        let error = left_out(&many.into_iter().map(Some).collect::<Vec<_>>()).unwrap_err();
-        assert!(
-            error.contains("set back by 99.990 s")
-                && error.contains("500.000 to 505.990 s and 406.000 to 409.990 s"),
-            "{error}"
-        );
-    }
-
-    #[test]
-    fn a_clock_that_was_wrong_for_a_while_costs_that_while() {
-        let times = with(1000, |t| t[300..340].iter_mut().for_each(|t| *t -= 100 * S));
-        let found = two_clocks(&times);
-        assert_eq!(found.len(), 1);
-        assert_eq!(found[0].fewer, (300..340).collect::<Vec<_>>());
-        // twice, by other steps
-        let times = with(1000, |t| {
-            t[300..340].iter_mut().for_each(|t| *t -= 100 * S);
-            t[700..720].iter_mut().for_each(|t| *t -= 300 * S);
-        });
-        let left_out: Vec<usize> = two_clocks(&times).into_iter().flat_map(|t| t.fewer).collect();
-        assert_eq!(left_out, (300..340).chain(700..720).collect::<Vec<_>>());
-    }
-
-    #[test]
-    fn many_short_whiles_are_together_too_many() {
-        let wrong = |each: usize| {
-            with(3000, |t| {
-                (0..15)
-                    .for_each(|k| t[200 * k + 50..][..each].iter_mut().for_each(|t| *t -= 100 * S))
-            })
-        };
-        let (few, many) = (two_clocks(&wrong(10)), two_clocks(&wrong(40)));
-        assert_eq!((few.len(), few[0].turns, few[0].fewer.len()), (1, 15, 150));
-        assert!(too_many(&few, 3000).is_none());
-        assert!(too_many(&many, 3000).is_some(), "{}", many.len());
-    }
-
-    #[test]
-    fn a_part_that_begins_before_the_record_and_ends_in_it_is_of_another_clock() {
-        // ten seconds, then eight that end among them: 493 to 501 s
-        let times = with(1800, |t| t[1000..].iter_mut().for_each(|t| *t -= 17 * S));
-        assert_eq!(two_clocks(&times).len(), 1);
-        // one that goes on beyond them: all that has no time twice is of the second clock
-        let times = with(4000, |t| t[1000..].iter_mut().for_each(|t| *t -= 17 * S));
-        assert_eq!(two_clocks(&times), []);
-    }
-
-    #[test]
-    fn fault_clocks_that_take_turns_are_told_with_their_own_spans() {
-        let turns = |every: usize, by: i64| {
-            let times = with(6000, |t| t.iter_mut().skip(7).step_by(every).for_each(|t| *t += by));
-            left_out(&times.into_iter().map(Some).collect::<Vec<_>>())
-        };
-        for by in [-5000 * S, 5000 * S] {
-            let few = turns(20, by).expect("a twentieth");
-            assert_eq!((few.len(), few[0].fewer.len(), few[0].turns), (1, 300, 300));
-            let error = turns(5, by).expect_err("a fifth");
-            let by = if by < 0 { "4999.990" } else { "5000.010" };
-            assert!(error.contains(&format!("forth and back by {by} s, 1199 times")), "{error}");
-            assert!(error.contains("gave 500.000 to 559.990 s and"), "{error}");
-        }
-        // a block ahead, and a pause
-        let times = with(6000, |t| t[2000..2300].iter_mut().for_each(|t| *t += 5000 * S));
-        let found = two_clocks(&times);
-        assert_eq!((found.len(), &found[0].fewer), (1, &(2000..2300).collect::<Vec<_>>()));
-        assert!(found[0].words().contains("went forth and back by 5000.010 s: two clocks"));
-        let times = with(6000, |t| t[2000..].iter_mut().for_each(|t| *t += 600 * S));
-        assert_eq!(two_clocks(&times), []);
-    }
-
-    #[test]
-    fn late_blocks_and_small_steps_back_are_of_one_clock() {
-        assert_eq!(two_clocks(&grid(1000)), []);
-        assert_eq!(two_clocks(&[]), []);
-        // the first half stands behind the second, a block stands behind a later one, some come late
-        for change in [500, 300] {
-            let times = with(1000, |t| t.rotate_left(change));
-            assert_eq!(two_clocks(&times), [], "{change}");
-        }
-        assert_eq!(two_clocks(&with(1000, |t| t[100..400].rotate_left(150))), []);
-        assert_eq!(two_clocks(&with(1000, |t| t[500..].iter_mut().for_each(|t| *t -= S))), []);
-        // one message, and two, of another year
-        let strays = with(1000, |t| t[400..402].iter_mut().for_each(|t| *t = 0));
-        assert_eq!(two_clocks(&strays), []);
-        let shuffled: Vec<i64> = (0..600).map(|k| 20 * S * (k * 331 % 600)).collect();
-        assert_eq!(two_clocks(&shuffled), []);
-    }
-}
+#[path = "clocks_tests.rs"]
+mod tests;

@@ -120,40 +120,6 @@ fn fault_whatever_is_lost_by_random_damage_is_said() {
 }
 
 #[test]
-fn fault_what_has_no_checksum_is_said_to_have_none() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.mcap");
-    let write = |options: mcap::WriteOptions| {
-        let file = std::fs::File::create(&path).unwrap();
-        let mut w = options.compression_threads(0).create(std::io::BufWriter::new(file)).unwrap();
-        let channel_id = w.add_channel(0, "/t", "json", &Default::default()).unwrap();
-        for (i, (_, log_time, publish_time, text)) in regular(100).into_iter().enumerate() {
-            let sequence = i as u32;
-            let header =
-                mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time };
-            w.write_to_known_channel(&header, text.as_bytes()).unwrap();
-        }
-        w.finish().unwrap();
-        drop(w);
-        samples(&path, &std::fs::read(&path).unwrap()).unwrap()
-    };
-    let plain = mcap::WriteOptions::new;
-    assert_eq!(write(plain()), (100, vec![]));
-    let (n, notes) = write(plain().calculate_chunk_crcs(false));
-    assert_eq!((n, told(&notes, "1 of 1 chunks have no checksum")), (100, true), "{notes:?}");
-    let (n, notes) = write(plain().calculate_summary_section_crc(false));
-    assert_eq!((n, told(&notes, "the summary has no checksum")), (100, true), "{notes:?}");
-    let loose = || plain().use_chunks(false);
-    assert_eq!(write(loose()), (100, vec![]));
-    let (n, notes) = write(loose().calculate_data_section_crc(false));
-    assert_eq!(
-        (n, told(&notes, "messages outside chunks have no checksum")),
-        (100, true),
-        "{notes:?}"
-    );
-}
-
-#[test]
 fn fault_what_stands_behind_the_end_and_chunks_that_stand_there_twice_are_said() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");

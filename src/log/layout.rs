@@ -45,7 +45,7 @@ impl Layout {
             Some(summary) => summary.walk.statistics.clone(),
             None => counted(log, &walk, end)?,
         };
-        notes.extend(at_end(end, &walk, summary.as_ref(), statistics.is_some()));
+        notes.extend(at_end(end, &walk, summary.as_ref()));
         notes.extend(behind(log, &walk, end)?);
         let named: BTreeSet<usize> = indexed.iter().map(|i| i.0.saturating_add(9)).collect();
         let outside = |p: &&Part| matches!(p, Part::Chunk(chunk) if !named.contains(&chunk.start));
@@ -58,6 +58,7 @@ impl Layout {
         notes.extend(checksums(source, &walk, summary.as_ref())?);
         let met = walk.imported.drain(..).map(|text| format!("at its import: {text}"));
         notes.extend(met.map(|text| Note::warning("file", 1, text)));
+        let is_lost = !walk.whole || summary.as_ref().is_some_and(|s| !s.is_sound());
         let trusted = summary.as_ref().is_some_and(Summary::is_trusted);
         let mut defined = std::mem::take(&mut walk.data);
         match summary {
@@ -69,6 +70,7 @@ impl Layout {
         let known = |s: &Statistics| s.messages.keys().all(|id| channels.contains_key(id));
         let fits = |s: &Statistics| sound || (!s.messages.is_empty() && known(s));
         let statistics = statistics.filter(fits);
+        notes.extend(statistics.is_none().then(|| uncounted(is_lost)));
         Ok(Layout { parts: walk.parts, channels, statistics, notes })
     }
 }
@@ -118,7 +120,7 @@ fn counted(log: &mut Window, walk: &Walk, end: usize) -> Result<Option<Statistic
 const MOST_COUNTED: usize = 1 << 20;
 
 /// What is wrong with the end of the log.
-fn at_end(end: usize, walk: &Walk, summary: Option<&Summary>, is_counted: bool) -> Option<Note> {
+fn at_end(end: usize, walk: &Walk, summary: Option<&Summary>) -> Option<Note> {
     let lost = end - walk.end.min(end);
     let text = match summary {
         Some(s) if s.checksum == Checksum::Wrong => {
@@ -137,11 +139,18 @@ fn at_end(end: usize, walk: &Walk, summary: Option<&Summary>, is_counted: bool) 
         ),
         _ => return None,
     };
-    let counted = match is_counted {
-        true => "",
-        false => "; the log's own count of its messages is lost, so that none is held against it",
+    Some(Note::warning("file", 1, text))
+}
+
+/// A log that has lost its own count of its messages, or never had one by channel. The text is the same for all
+/// logs, so that those of a campaign are one line with their number.
+fn uncounted(is_lost: bool) -> Note {
+    let what = match is_lost {
+        true => "the log's own count of its messages is lost",
+        false => "the log has no count of its messages by channel",
     };
-    Some(Note::warning("file", 1, text + counted))
+    let text = format!("{what}: whether all that were recorded are there cannot be told");
+    Note::warning("file", 1, text)
 }
 
 /// What stands behind the end of the log. Another log is more than a warning: what was recorded in it is
@@ -200,18 +209,21 @@ fn index(named: usize, outside: u64, added: u64, lost: u64) -> Vec<Note> {
         .collect()
 }
 
-/// Checksums that are not there or do not match.
+/// What is to be done about checksums that are not there.
+const UNSEEN: &str = "may not be seen; have the recorder write checksums (CRC)";
+
+/// Checksums that are not there or do not match. That damage cannot be seen is a warning: a log without them
+/// looks as sound as one with them.
 fn checksums(log: &Source, walk: &Walk, summary: Option<&Summary>) -> Result<Vec<Note>> {
     let mut notes = Vec::new();
     if walk.unchecked > 0 {
         let (without, all) = (walk.unchecked, walk.chunks().count());
-        let text =
-            format!("{without} of {all} chunks have no checksum: damage in them may not be seen");
-        notes.push(Note::info("file", without, text));
+        let text = format!("{without} of {all} chunks have no checksum: damage in them {UNSEEN}");
+        notes.push(Note::warning("file", without, text));
     }
     if summary.is_some_and(|s| s.checksum == Checksum::None) {
-        let text = "the summary has no checksum: damage to names and schemas may not be seen";
-        notes.push(Note::info("file", 1, text));
+        let text = format!("the summary has no checksum: damage to names and schemas {UNSEEN}");
+        notes.push(Note::warning("file", 1, text));
     }
     if walk.parts.iter().any(|p| matches!(p, Part::Loose(..))) {
         notes.extend(loose(log, walk.checksum)?);
@@ -228,8 +240,8 @@ fn loose(log: &Source, checksum: Option<(usize, u32)>) -> Result<Option<Note>> {
             wrong.then(|| Note::warning("file", 1, text))
         }
         _ => {
-            let text = "messages outside chunks have no checksum: damage in them may not be seen";
-            Some(Note::info("file", 1, text))
+            let text = format!("messages outside chunks have no checksum: damage in them {UNSEEN}");
+            Some(Note::warning("file", 1, text))
         }
     })
 }

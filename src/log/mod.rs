@@ -4,6 +4,7 @@
 pub mod agree;
 mod around;
 mod astray;
+mod by_turns;
 mod bytes;
 mod channel;
 pub mod channel_map;
@@ -46,6 +47,8 @@ mod summary;
 #[cfg(test)]
 mod tests;
 mod turned;
+#[cfg(test)]
+mod unseen_tests;
 mod walk;
 mod window;
 mod words;

@@ -79,6 +79,23 @@ pub(super) fn set_back(name: &str, a: &Account, twice: &[Back]) -> Option<Note> 
     Some(Note::warning(name, a.dropped_twice, text))
 }
 
+/// Messages behind a later one, up to this share of all, are late ones; of more something else is wrong, that
+/// sorting hides.
+const LATE: f64 = 0.3;
+
+/// What is said of messages that were sorted in.
+pub(super) fn out_of_order(name: &str, a: &Account) -> Option<Note> {
+    let text = format!(
+        "{} {}: {} of {} messages out of order, sorted",
+        a.topic, a.field, a.reordered, a.messages
+    );
+    if a.reordered as f64 > LATE * a.messages as f64 {
+        let why = "so many are not late ones: two clocks or two sources may have given the times by turns, or blocks of the log changed places";
+        return Some(Note::warning(name, a.reordered, format!("{text}; {why}")));
+    }
+    (a.reordered > 0).then(|| Note::info(name, a.reordered, text))
+}
+
 /// What is said of a sensor that stood still.
 pub(super) fn stood_still(name: &str, a: &Account) -> Note {
     let [from, to] = a.still.unwrap_or([f64::NAN; 2]);

@@ -233,13 +233,7 @@ impl Context<'_> {
         say(strays, format!("{strays} {of} with times more than a day from the others, dropped"));
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         notes.append(&mut few);
-        if a.reordered > 0 {
-            notes.push(Note::info(
-                name,
-                a.reordered,
-                format!("{from}: {} {of} out of order, sorted", a.reordered),
-            ));
-        }
+        notes.extend(said::out_of_order(name, a));
         // Stamps of a clock of their own (since boot, say) would silently shift the signal against
         // all others.
         let mut apart: Vec<i64> = stamps

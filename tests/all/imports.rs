@@ -430,7 +430,18 @@ fields = [{ column = "lat", name = "lat", unit = "deg" }]
 }
 
 /// A MAT file of these matrices: name, rows, values column by column.
-fn mat(variables: &[(&str, usize, Vec<f64>)]) -> Vec<u8> {
+fn mat(variables: &[(&'static str, usize, Vec<f64>)]) -> Vec<u8> {
+    let of = |(name, rows, values): &(&'static str, usize, Vec<f64>)| {
+        (*name, *rows, 9, values.iter().map(|v| v.to_le_bytes()).collect())
+    };
+    mat_of(&variables.iter().map(of).collect::<Vec<_>>())
+}
+
+/// Name, rows, the type of the numbers, and these, column by column.
+type Matrix = (&'static str, usize, u32, Vec<[u8; 8]>);
+
+/// A MAT file of these matrices.
+fn mat_of(variables: &[Matrix]) -> Vec<u8> {
     let element = |kind: u32, data: &[u8]| {
         let mut out = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
         out.extend(data);
@@ -440,15 +451,14 @@ fn mat(variables: &[(&str, usize, Vec<f64>)]) -> Vec<u8> {
     let mut out = b"MATLAB 5.0 MAT-file".to_vec();
     out.resize(124, b' ');
     out.extend([0, 1, b'I', b'M']);
-    for (name, rows, values) in variables {
-        let columns = values.len() / rows;
+    for (name, rows, kind, numbers) in variables {
+        let columns = numbers.len() / rows;
         let size = [(*rows as u32).to_le_bytes(), (columns as u32).to_le_bytes()].concat();
-        let numbers: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let all = [
             element(6, &[6, 0, 0, 0, 0, 0, 0, 0]),
             element(5, &size),
             element(1, name.as_bytes()),
-            element(9, &numbers),
+            element(*kind, &numbers.concat()),
         ];
         out.extend(element(14, &all.concat()));
     }
@@ -510,6 +520,47 @@ fn a_mat_file_has_several_matrices_vectors_and_no_column_of_time() {
     import.refused(&[], &["\"t\" has numbers: their unit is not said"]);
     import.put("a.mat", [&b"MATLAB 7.3 MAT-file"[..], &[0; 200]].concat());
     import.refused(&[], &["MAT file of version 7.3", "-v7"]);
+}
+
+#[test]
+fn whole_ns_of_a_mat_file_keep_all_their_digits_and_lost_digits_are_told() {
+    let import = Import::new(
+        r#"
+input = ["a.mat"]
+output = "a.mcap"
+missing = ["-9007199254740993"]
+time = { column = "t", unit = "ns" }
+[[topic]]
+name = "/air"
+fields = [{ column = 1, matrix = "n", name = "n", unit = "1" }]
+[[topic]]
+name = "/again"
+time = { column = 2, matrix = "T", unit = "ns" }
+fields = [{ column = "x", name = "x", unit = "1" }]
+"#,
+    );
+    let t = 1_700_000_000_123_456_789u64;
+    let whole = |all: &[u64]| all.iter().map(|n| n.to_le_bytes()).collect::<Vec<_>>();
+    let n = [7, (1 << 53) + 1, 0u64.wrapping_sub((1 << 53) + 1)];
+    import.put(
+        "a.mat",
+        mat_of(&[
+            ("t", 3, 12, whole(&[t, t + 1, t + 4])),
+            ("T", 3, 13, whole(&[0, 0, 0, t + 2, t + 3, t + 5])),
+            ("n", 3, 12, whole(&n)),
+            ("x", 3, 9, [1.0f64, 2.0, 3.0].map(f64::to_le_bytes).to_vec()),
+        ]),
+    );
+    let said = import.fine(&[]);
+    let stamps = |topic: &str| {
+        import.messages("a.mcap", topic).into_iter().map(|m| m.0).collect::<Vec<u64>>()
+    };
+    assert_eq!(stamps("/air"), [t, t + 1, t + 4]);
+    assert_eq!(stamps("/again"), [t + 2, t + 3, t + 5]);
+    // what stands for a missing value loses nothing
+    let lost = "topic /air: 1 of 3 whole numbers of column 1 of \"n\" have more digits";
+    assert!(said.contains(lost), "{said}");
+    assert!(said.contains("first in row 2, 9007199254740992 for 9007199254740993"), "{said}");
 }
 
 #[test]
@@ -608,7 +659,8 @@ fields = [{ column = "n", name = "n", unit = "1" }]
         parquet::arrow::ArrowWriter::try_new(Vec::new(), batch.schema(), None).expect("a writer");
     writer.write(&batch).expect("written");
     import.put("a.parquet", writer.into_inner().expect("finished"));
-    import.fine(&[]);
+    let said = import.fine(&[]);
+    assert!(said.contains("18446744073709551616 for 18446744073709551615"), "{said}");
     let air = import.messages("a.mcap", "/air");
     assert_eq!(told(&air[0]), (t as u64, r#"{"n":7.0}"#));
     assert_eq!((air[1].0, air[2].0), (t as u64 + 1, t as u64 + 4));

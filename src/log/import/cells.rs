@@ -131,10 +131,20 @@ pub fn number(settings: &Import, cell: &str) -> Option<f64> {
 
 /// The whole number that a cell is, all its digits; none where it has a point or an exponent, or more digits
 /// than fit.
-pub fn whole(cell: &str) -> Option<i64> {
+pub fn whole(cell: &str) -> Option<i128> {
     let digits = cell.strip_prefix('-').unwrap_or(cell);
     let is_whole = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
     is_whole.then(|| cell.parse().ok()).flatten()
+}
+
+/// Whole numbers with fewer letters than this are `f64` with all their digits: 2^53 has so many.
+const LONG: usize = 16;
+
+/// The whole number that a cell is, where it is so long that digits of it may be lost, and stands for no missing
+/// value.
+pub fn long(settings: &Import, cell: &str) -> Option<i128> {
+    let n = Some(cell).filter(|cell| cell.len() >= LONG).and_then(whole)?;
+    (!is_missing(settings, cell)).then_some(n)
 }
 
 fn parsed(settings: &Import, cell: &str) -> Option<f64> {

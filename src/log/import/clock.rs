@@ -73,9 +73,9 @@ impl Clock {
     ///
     /// # Errors
     /// As `stamp`.
-    pub fn whole(&self, t: i64) -> Result<u64, String> {
+    pub fn whole(&self, t: i128) -> Result<u64, String> {
         let Some(unit) = self.whole_ns() else { return self.stamp(t as f64) };
-        let ns = self.later(i128::from(t).saturating_mul(unit)).map_err(|_| UNFIT.to_string())?;
+        let ns = self.later(t.saturating_mul(unit)).map_err(|_| UNFIT.to_string())?;
         if (ns as f64) < MOST_NS { Ok(ns) } else { Err(UNFIT.into()) }
     }
 
@@ -217,7 +217,7 @@ mod tests {
         let from = Clock::new("ns", 1_700_000_000.0).expect("a unit of time");
         assert_eq!(from.whole(37), Ok(1_700_000_000_000_000_037));
         assert_eq!(clock("excel").whole(25_570), Ok(86_400_000_000_000));
-        for (unit, t) in [("ns", -1), ("s", i64::MAX), ("ns", i64::MAX)] {
+        for (unit, t) in [("ns", -1), ("s", i128::from(u64::MAX)), ("ns", i128::MAX)] {
             assert_eq!(clock(unit).whole(t), Err(UNFIT.to_string()), "{t} {unit}");
         }
     }

@@ -5,6 +5,7 @@
 //! that holds flags, dimensions, a name and numbers (of a structure its fields, which are variables again), or type 15 that holds such an element
 //! compressed. Numbers may be stored in any smaller type than their class.
 
+use super::values::Values;
 use std::io::Read;
 
 const MATRIX: u32 = 14;
@@ -16,8 +17,8 @@ pub struct Matrix {
     pub name: String,
     pub rows: usize,
     pub columns: usize,
-    /// `[columns][rows]`.
-    pub values: Vec<f64>,
+    /// `[columns][rows]`; whole numbers of 64 bits keep all their digits.
+    pub values: Values,
 }
 
 /// One element: its type and its data.
@@ -185,137 +186,33 @@ fn matrix(rest: &mut &[u8], name: String, sizes: &[usize]) -> Result<Matrix, Str
     Ok(Matrix { name, rows, columns, values })
 }
 
-fn numbers(element: &Element) -> Result<Vec<f64>, String> {
-    macro_rules! all {
-        ($t:ty) => {
+fn numbers(element: &Element) -> Result<Values, String> {
+    macro_rules! each {
+        ($t:ty, $as:expr) => {
             element
                 .data
                 .as_chunks::<{ size_of::<$t>() }>()
                 .0
                 .iter()
-                .map(|b| <$t>::from_le_bytes(*b) as f64)
+                .map(|b| $as(<$t>::from_le_bytes(*b)))
                 .collect()
         };
     }
     Ok(match element.kind {
-        1 => all!(i8),
-        2 => all!(u8),
-        3 => all!(i16),
-        4 => all!(u16),
-        5 => all!(i32),
-        6 => all!(u32),
-        7 => all!(f32),
-        9 => all!(f64),
-        12 => all!(i64),
-        13 => all!(u64),
+        1 => Values::Numbers(each!(i8, f64::from)),
+        2 => Values::Numbers(each!(u8, f64::from)),
+        3 => Values::Numbers(each!(i16, f64::from)),
+        4 => Values::Numbers(each!(u16, f64::from)),
+        5 => Values::Numbers(each!(i32, f64::from)),
+        6 => Values::Numbers(each!(u32, f64::from)),
+        7 => Values::Numbers(each!(f32, f64::from)),
+        9 => Values::Numbers(each!(f64, f64::from)),
+        12 => Values::Whole(each!(i64, |n| Some(i128::from(n)))),
+        13 => Values::Whole(each!(u64, |n| Some(i128::from(n)))),
         other => return Err(format!("numbers of type {other} are not read")),
     })
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::io::Write;
-
-    fn element(kind: u32, data: &[u8]) -> Vec<u8> {
-        let mut out = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
-        out.extend(data);
-        out.resize(out.len().next_multiple_of(8), 0);
-        out
-    }
-
-    /// A 2 x 3 matrix, stored as `kind`.
-    fn variable(name: &str, kind: u32, numbers: &[u8]) -> Vec<u8> {
-        let flags = element(6, &[6, 0, 0, 0, 0, 0, 0, 0]);
-        let size = element(5, &[2, 0, 0, 0, 3, 0, 0, 0]);
-        element(
-            MATRIX,
-            &[flags, size, element(1, name.as_bytes()), element(kind, numbers)].concat(),
-        )
-    }
-
-    fn file(elements: &[Vec<u8>]) -> Vec<u8> {
-        let mut out = b"MATLAB 5.0 MAT-file".to_vec();
-        out.resize(124, b' ');
-        out.extend([0, 1, b'I', b'M']);
-        elements.iter().for_each(|e| out.extend(e));
-        out
-    }
-
-    fn doubles() -> Vec<u8> {
-        (1..=6).flat_map(|i| (f64::from(i) / 2.0).to_le_bytes()).collect()
-    }
-
-    #[test]
-    fn plain_small_and_compressed_matrices_are_read() {
-        let mut zip = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
-        zip.write_all(&variable("packed", 9, &doubles())).unwrap();
-        let zip = zip.finish().unwrap();
-        let mut packed = [COMPRESSED.to_le_bytes(), (zip.len() as u32).to_le_bytes()].concat();
-        packed.extend(zip);
-        let bytes = file(&[
-            variable("plain", 9, &doubles()),
-            variable("small", 2, &[1, 2, 3, 4, 5, 250]),
-            packed,
-        ]);
-        let [plain, small, packed] = &variables(&bytes).unwrap().matrices[..] else {
-            panic!("three")
-        };
-        assert_eq!((plain.name.as_str(), plain.rows, plain.columns), ("plain", 2, 3));
-        assert_eq!(plain.values, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]);
-        assert_eq!((small.name.as_str(), small.values[5]), ("small", 250.0));
-        assert_eq!((packed.name.as_str(), &packed.values), ("packed", &plain.values));
-    }
-
-    /// A structure of `count` times these fields.
-    fn structure(name: &str, count: u32, fields: &[(&str, Vec<u8>)]) -> Vec<u8> {
-        let names: Vec<u8> =
-            (fields.iter()).flat_map(|(name, _)| format!("{name:\0<32}").into_bytes()).collect();
-        let size = [1, count].map(u32::to_le_bytes).concat();
-        let mut parts = [
-            element(6, &[2, 0, 0, 0, 0, 0, 0, 0]),
-            element(5, &size),
-            element(1, name.as_bytes()),
-            [(4u32 << 16 | 5).to_le_bytes(), 32u32.to_le_bytes()].concat(),
-            element(1, &names),
-        ]
-        .concat();
-        (0..count).for_each(|_| fields.iter().for_each(|(_, bytes)| parts.extend(bytes)));
-        element(MATRIX, &parts)
-    }
-
-    fn text(name: &str) -> Vec<u8> {
-        let flags = element(6, &[4, 0, 0, 0, 0, 0, 0, 0]);
-        let size = element(5, &[1u32, 2].map(u32::to_le_bytes).concat());
-        let parts = [flags, size, element(1, name.as_bytes()), element(16, b"ab")];
-        element(MATRIX, &parts.concat())
-    }
-
-    #[test]
-    fn fields_of_structures_have_names_and_what_is_no_matrix_is_said() {
-        let inner = structure("", 1, &[("values", variable("", 9, &doubles()))]);
-        let fields = [("signals", inner), ("unit", text("")), ("none", element(MATRIX, &[]))];
-        let bytes = file(&[structure("out", 1, &fields), structure("two", 2, &fields[..1])]);
-        let found = variables(&bytes).unwrap();
-        let names: Vec<&str> = found.matrices.iter().map(|m| m.name.as_str()).collect();
-        assert_eq!(names, ["out.signals.values", "two(1).signals.values", "two(2).signals.values"]);
-        assert_eq!(found.matrices[2].values, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]);
-        let others = [("out.unit".to_string(), "text"), ("out.none".to_string(), "empty")];
-        assert_eq!(found.others, others);
-    }
-
-    #[test]
-    fn fault_damaged_files_are_refused_in_words() {
-        let inside = [("field", variable("", 9, &doubles()))];
-        let whole = file(&[structure("s", 2, &inside), variable("plain", 9, &doubles())]);
-        for end in 128..whole.len() {
-            let _ = variables(&whole[..end]);
-        }
-        assert!(variables(&whole[..whole.len() - 20]).unwrap_err().contains("ends inside"));
-        for at in 128..whole.len() {
-            let mut bytes = whole.clone();
-            bytes[at] ^= 0x55;
-            let _ = variables(&bytes);
-        }
-    }
-}
+#[path = "level5_tests.rs"]
+mod tests;

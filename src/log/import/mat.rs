@@ -1,8 +1,9 @@
 //! A MATLAB 5 MAT file in; the rows of topics that are columns of its numeric matrices out.
 
 use super::level5::{Matrix, Variables, variables};
-use super::rows::{Columns, Read, Values, Wanted, gather};
+use super::rows::{Columns, Read, Wanted, gather};
 use super::settings::{Along, Column, Import};
+use super::values::Values;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 
@@ -66,12 +67,12 @@ impl Columns for Matrices<'_> {
                 signal(matrix, self.signals, *n)?
             }
         };
-        Ok(Values::Numbers(values.get(self.skip..).unwrap_or_default().to_vec()))
+        Ok(values.every(self.skip, 1, usize::MAX))
     }
 }
 
 /// Column or row `n` (from 1) of a matrix.
-fn signal(matrix: &Matrix, signals: Along, n: usize) -> Result<Vec<f64>, String> {
+fn signal(matrix: &Matrix, signals: Along, n: usize) -> Result<Values, String> {
     let (word, has) = match signals {
         Along::Columns => ("column", matrix.columns),
         Along::Rows => ("row", matrix.rows),
@@ -82,8 +83,7 @@ fn signal(matrix: &Matrix, signals: Along, n: usize) -> Result<Vec<f64>, String>
         Along::Columns => (at * matrix.rows, 1, matrix.rows),
         Along::Rows => (at, matrix.rows.max(1), matrix.columns),
     };
-    let values = matrix.values.get(first..).unwrap_or_default();
-    Ok(values.iter().step_by(step).take(count).copied().collect())
+    Ok(matrix.values.every(first, step, count))
 }
 
 impl Matrices<'_> {

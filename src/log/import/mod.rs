@@ -1,5 +1,6 @@
 //! A description of an import and files of columns or messages in; MCAP logs out.
 
+mod back;
 mod cells;
 mod check;
 mod clock;
@@ -22,6 +23,8 @@ mod text;
 #[cfg(test)]
 mod text_tests;
 mod ulog;
+mod ulog_field;
+mod values;
 mod width;
 
 pub use settings::Import;

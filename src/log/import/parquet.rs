@@ -1,7 +1,8 @@
 //! A Parquet file in; the rows of topics that are columns of it out.
 
-use super::rows::{Columns, Read, Values, Wanted, gather, named};
+use super::rows::{Columns, Read, Wanted, gather, named};
 use super::settings::{Column, Import};
+use super::values::Values;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 use arrow_array::cast::AsArray;
@@ -86,6 +87,12 @@ fn values(array: &dyn Array) -> Option<Values> {
             Values::Numbers(all.iter().map(|v| v.map_or(f64::NAN, |v| v as f64)).collect())
         }};
     }
+    macro_rules! whole {
+        ($t:ident) => {{
+            let all = array.as_primitive_opt::<types::$t>()?;
+            Values::Whole(all.iter().map(|n| n.map(i128::from)).collect())
+        }};
+    }
     macro_rules! stamps {
         ($t:ident, $ns:expr) => {{
             let all = array.as_primitive_opt::<types::$t>()?;
@@ -97,17 +104,11 @@ fn values(array: &dyn Array) -> Option<Values> {
         DataType::Int8 => numbers!(Int8Type),
         DataType::Int16 => numbers!(Int16Type),
         DataType::Int32 => numbers!(Int32Type),
-        DataType::Int64 => {
-            Values::Whole(array.as_primitive_opt::<types::Int64Type>()?.iter().collect())
-        }
+        DataType::Int64 => whole!(Int64Type),
         DataType::UInt8 => numbers!(UInt8Type),
         DataType::UInt16 => numbers!(UInt16Type),
         DataType::UInt32 => numbers!(UInt32Type),
-        DataType::UInt64 => {
-            let all = array.as_primitive_opt::<types::UInt64Type>()?.iter();
-            let whole = all.map(|v| v.map(i64::try_from).transpose()).collect::<Result<_, _>>();
-            whole.map_or_else(|_| Some(numbers!(UInt64Type)), |all| Some(Values::Whole(all)))?
-        }
+        DataType::UInt64 => whole!(UInt64Type),
         DataType::Float32 => numbers!(Float32Type),
         DataType::Float64 => numbers!(Float64Type),
         DataType::Boolean => {

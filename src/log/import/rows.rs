@@ -4,6 +4,7 @@
 use super::clock::Clock;
 use super::head::other_unit;
 use super::settings::{Column, Import, Time, Topic};
+use super::values::{Rounded, Values};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 use crate::log::words::nearest_first;
@@ -42,61 +43,6 @@ pub fn timeless(topic: &str, count: usize) -> Option<String> {
     (count > 0).then(|| format!("topic {topic}: {count} rows with values and no time, left out"))
 }
 
-/// What a file has in a column.
-#[derive(Debug, Clone)]
-pub enum Values {
-    Numbers(Vec<f64>),
-    /// Whole numbers, of which an `f64` has not all digits; none where there is no value.
-    Whole(Vec<Option<i64>>),
-    /// ns since 1970; none where there is no value.
-    Stamps(Vec<Option<i64>>),
-}
-
-impl Values {
-    fn len(&self) -> usize {
-        match self {
-            Values::Numbers(all) => all.len(),
-            Values::Whole(all) => all.len(),
-            Values::Stamps(all) => all.len(),
-        }
-    }
-
-    fn are_stamps(&self) -> bool {
-        matches!(self, Values::Stamps(_))
-    }
-
-    /// The numbers, NaN where there is no value; none of stamps.
-    fn numbers(self) -> Option<Vec<f64>> {
-        match self {
-            Values::Numbers(all) => Some(all),
-            Values::Whole(all) => {
-                Some(all.into_iter().map(|n| n.map_or(f64::NAN, |n| n as f64)).collect())
-            }
-            Values::Stamps(_) => None,
-        }
-    }
-
-    /// These values with those that follow them in the same column.
-    pub fn and(self, more: Values) -> Values {
-        match (self, more) {
-            (Values::Whole(mut all), Values::Whole(more)) => {
-                all.extend(more);
-                Values::Whole(all)
-            }
-            (Values::Stamps(mut all), Values::Stamps(more)) => {
-                all.extend(more);
-                Values::Stamps(all)
-            }
-            // Some of them are too large for whole numbers.
-            (all, more) => {
-                let mut all = all.numbers().unwrap_or_default();
-                all.extend(more.numbers().unwrap_or_default());
-                Values::Numbers(all)
-            }
-        }
-    }
-}
-
 /// The place of the one column of this name; `has`: what has the names.
 ///
 /// # Errors
@@ -124,7 +70,8 @@ pub struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    fn words(&self) -> String {
+    /// What it is called in messages.
+    pub fn words(&self) -> String {
         match (self.column, self.matrix) {
             (Column::Name(name), _) => format!("\"{name}\""),
             (Column::Number(n), Some(matrix)) => format!("column {n} of \"{matrix}\""),
@@ -215,7 +162,8 @@ pub fn gather(
         .collect();
     for (i, own) in own.iter().enumerate() {
         let fields = fields(settings, doc, i, columns);
-        let Some(fields) = errors.take(fields) else { continue };
+        let Some((fields, rounded)) = errors.take(fields) else { continue };
+        read.notes.extend(rounded);
         let Some(topic) = settings.topic.get(i) else { continue };
         let (Some(time), is_own) = settings.time_of(topic) else { continue };
         let times = if is_own { own } else { &shared };
@@ -233,22 +181,31 @@ pub fn gather(
     errors.or(read)
 }
 
-/// The columns of a topic's fields, each with what it is called in messages.
+/// What a column is called in messages, and its numbers.
+type Called = (String, Vec<f64>);
+
+/// The columns of a topic's fields, and what is said of whole numbers in them that lose digits.
 fn fields(
     settings: &Import,
     doc: &Doc,
     topic: usize,
     columns: &mut dyn Columns,
-) -> Result<Vec<(String, Vec<f64>)>, Errors> {
+) -> Result<(Vec<Called>, Vec<String>), Errors> {
     let mut errors = Errors::default();
-    let fields = settings.topic.get(topic).map_or(&[][..], |t| &t.fields);
-    let mut all = Vec::with_capacity(fields.len());
+    let Some(topic_settings) = settings.topic.get(topic) else {
+        return errors.or(Default::default());
+    };
+    let (name, fields) = (&topic_settings.name, &topic_settings.fields);
+    let (mut all, mut notes) = (Vec::with_capacity(fields.len()), Vec::new());
     for (k, field) in fields.iter().enumerate() {
         let wanted = Wanted { column: &field.column, matrix: field.matrix.as_deref() };
         let known = |x: f64| if settings.says_missing(x) { f64::NAN } else { x };
-        let values = columns.column(wanted).and_then(|values| match values.numbers() {
-            Some(all) => Ok((wanted.words(), all.into_iter().map(known).collect())),
-            None => Err(format!("{} has times, no numbers", wanted.words())),
+        let values = columns.column(wanted).and_then(|values| {
+            notes.extend(rounded(settings, &values).words(name, &wanted.words(), values.len()));
+            match values.numbers() {
+                Some(all) => Ok((wanted.words(), all.into_iter().map(known).collect())),
+                None => Err(format!("{} has times, no numbers", wanted.words())),
+            }
         });
         let key = format!("topic.{topic}.fields.{k}");
         if let Column::Name(name) = &field.column {
@@ -257,7 +214,19 @@ fn fields(
         }
         all.extend(errors.take(values.map_err(|e| doc.error(&format!("{key}.column"), e))));
     }
-    errors.or(all)
+    errors.or((all, notes))
+}
+
+/// The whole numbers of a column that lose digits in a log. Those that stand for a missing value lose nothing.
+fn rounded(settings: &Import, values: &Values) -> Rounded {
+    let mut rounded = Rounded::default();
+    if let Values::Whole(all) = values {
+        let known = |n: &i128| !settings.says_missing(*n as f64);
+        for (row, n) in all.iter().enumerate() {
+            n.filter(known).into_iter().for_each(|n| rounded.see(n, || format!("row {}", row + 1)));
+        }
+    }
+    rounded
 }
 
 /// The rows of a topic, and how many were left out that have values and no time. A row without the
@@ -266,7 +235,7 @@ fn rows(
     topic: &Topic,
     time: &Time,
     times: Option<(&Times, bool)>,
-    fields: &[(String, Vec<f64>)],
+    fields: &[Called],
 ) -> Result<(Rows, usize), Vec<String>> {
     let known = times.map(|(t, _)| (t.words.as_str(), t.values.len()));
     let mut lengths = known.into_iter().chain(fields.iter().map(|(w, v)| (w.as_str(), v.len())));

@@ -1,10 +1,11 @@
 //! The rows of one topic as a file has them, in; the same in the order of time, without those that are none
 //! of the topic or came twice, and what there is to say of it, out.
 
+use super::back;
 use super::midnight::carried_on;
 use super::rows::Rows;
 use super::steps::{lacking, usual};
-use crate::log::clocks::{Two, too_many, two_clocks};
+use crate::log::clocks::{Two, share, too_many, two_clocks};
 use crate::log::turned::{Back, turned_back};
 use std::collections::BTreeSet;
 
@@ -57,17 +58,9 @@ impl Rows {
                 backs.join(", ")
             ));
         }
-        let late: Vec<usize> =
-            (1..order.len()).filter(|&k| times[order[k]] < times[order[k - 1]]).collect();
-        if let Some(&first) = late.first() {
-            let back = (times[order[first - 1]] - times[order[first]]) as f64 / 1e9;
-            notes.push(format!(
-                "topic {topic}: the time goes back {} times, first behind row {} by {back:.3} s: rows are put in the order of time",
-                late.len(),
-                order[first - 1] + 1
-            ));
-        }
-        if dropped + late.len() > 0 {
+        let kept: Vec<i64> = order.iter().map(|&row| times[row]).collect();
+        notes.extend(back::said(topic, &kept, |k| order[k] + 1));
+        if dropped > 0 || !kept.is_sorted() {
             order.sort_by_key(|&row| times[row]);
             self.take(&order);
         }
@@ -79,7 +72,8 @@ impl Rows {
         let (clocks, all) = (two_clocks(&self.times()), self.stamp.len());
         let said = |two: &Two| format!("topic {topic}: behind row {}: {}", two.at, two.words());
         if let Some(many) = too_many(&clocks, all) {
-            return Err(format!("{}; give each part as a file of its own", said(many)));
+            let share = share(&clocks, all, "rows");
+            return Err(format!("{}; {share}; give each part as a file of its own", said(many)));
         }
         let out: BTreeSet<usize> = clocks.iter().flat_map(|two| &two.fewer).copied().collect();
         if !out.is_empty() {

@@ -86,3 +86,51 @@ fn cells_without_a_value_are_counted_and_a_slower_signal_lacks_none() {
     );
     assert_eq!(said(|k| k % 5 > 0), Vec::<String>::new());
 }
+
+#[test]
+fn fault_a_clock_set_back_by_a_step_or_less_than_three_is_told_with_its_row() {
+    let said = |rate_hz: f64, back: f64| {
+        let time = |k: i32| f64::from(k) / rate_hz + 7.0 - if k < 200 { 0.0 } else { back };
+        let text: String = (0..400).map(|k| format!("{:.4},{k}\n", time(k))).collect();
+        notes("column = \"t\", unit = \"s\"", V, &format!("t,v\n{text}"))
+    };
+    let starts = |said: &[String], with: &[&str]| {
+        let is_so = said.iter().zip(with).all(|(said, with)| said.starts_with(with));
+        assert!(is_so && said.len() == with.len(), "{said:?}");
+    };
+    // so many steps and more are left out, as in a log
+    let out = "topic /a: after row 200 of its data the time goes back by 0.080 s: what came twice then is left out, 10 of 400 rows";
+    starts(&said(50.0, 0.1), &[out]);
+    let set = "topic /a: the clock was set back behind row 200 of its data by 0.050 s (from 16.950 to 16.900 s) and goes on from there";
+    let twice = "topic /a: 2 of 400 rows have the time of an earlier row, first row 201 of its data (16.900 s)";
+    starts(&said(20.0, 0.1), &[set, twice]);
+    let twice = "topic /a: 1 of 400 rows have the time of an earlier row, first row 201 of its data (26.900 s)";
+    starts(&said(10.0, 0.1), &[twice]);
+    assert_eq!(said(10.0, 0.0), Vec::<String>::new());
+}
+
+#[test]
+fn fault_two_clocks_that_take_turns_in_one_file_are_told_with_rows_and_counts() {
+    let text = |every: i32| -> String {
+        let time = |k: i32| 0.02 * f64::from(k) + if k % every == 3 { 5.0 } else { 0.0 };
+        (0..1000).map(|k| format!("{:.3},{k}\n", time(k))).collect()
+    };
+    let few = notes("column = \"t\", unit = \"s\"", V, &format!("t,v\n{}", text(20)));
+    let wanted = "topic /a: behind row 3: the clock went forth and back by 5.000 s, 50 times: two clocks gave";
+    assert!(few.len() == 1 && few[0].starts_with(wanted), "{few:?}");
+    assert!(
+        few[0].contains("50 of 1000 rows, of the one that gave fewer, are left out"),
+        "{few:?}"
+    );
+}
+
+#[test]
+fn fault_whole_numbers_that_lose_digits_are_told_with_their_line() {
+    let row = |k: u64| format!("{k},{}\n", 9_007_199_254_740_990 + k);
+    let text: String = (0..6).map(row).collect();
+    let said = notes("column = \"t\", unit = \"s\"", V, &format!("t,v\n{text}"));
+    let wanted = "topic /a: 2 of 6 whole numbers of \"v\" have more digits";
+    assert!(said.len() == 1 && said[0].starts_with(wanted), "{said:?}");
+    let first = "first in line 5, 9007199254740992 for 9007199254740993;";
+    assert!(said[0].contains(first), "{said:?}");
+}

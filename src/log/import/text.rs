@@ -1,10 +1,11 @@
 //! A text file of columns in; the rows of its topics out.
 
-use super::cells::{column_of, each_row, is_missing, number, plain, whole};
+use super::cells::{column_of, each_row, is_missing, long, number, plain, whole};
 use super::clock::Clock;
 use super::head::Head;
-use super::rows::{Read, Rows, SHOWN, named, timeless};
+use super::rows::{Read, Rows, SHOWN, Wanted as Named, named, timeless};
 use super::settings::{Column, Import, Time};
+use super::values::Rounded;
 use super::width::Width;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
@@ -150,6 +151,8 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
     let data = text.get(data..).unwrap_or("");
     let mut topics: Vec<Rows> = wanted.topics.iter().map(|_| Rows::default()).collect();
     let mut lost = vec![0; topics.len()];
+    let mut rounded: Vec<Vec<Rounded>> =
+        wanted.topics.iter().map(|(_, of)| vec![Rounded::default(); of.len()]).collect();
     let mut errors = Errors::default();
     let (mut row_number, mut first_row) = (0, 0);
     let mut width = Width::of(settings, &head.names);
@@ -203,9 +206,17 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
         };
         let stamps: Vec<Option<u64>> =
             wanted.times.iter().map(|time| errors.take(stamp(time)).flatten()).collect();
-        for (((which, of), rows), lost) in wanted.topics.iter().zip(&mut topics).zip(&mut lost) {
+        let each = wanted.topics.iter().zip(&mut topics).zip(&mut lost).zip(&mut rounded);
+        for ((((which, of), rows), lost), rounded) in each {
             match stamps.get(*which).copied().flatten() {
-                Some(stamp) => rows.push(stamp, of.iter().filter_map(|&i| errors.take(value(i)))),
+                Some(stamp) => {
+                    rows.push(stamp, of.iter().filter_map(|&i| errors.take(value(i))));
+                    for (&i, rounded) in of.iter().zip(rounded) {
+                        let n = cells.get(i).and_then(|cell| long(settings, cell));
+                        n.into_iter()
+                            .for_each(|n| rounded.see(n, || format!("line {}", at(i).line)));
+                    }
+                }
                 // A row of another clock, or one that has an error already.
                 None => {
                     let here = |&i: &usize| cells.get(i).is_some_and(|c| !is_missing(settings, c));
@@ -233,5 +244,19 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
             lines - 1
         )
     });
-    errors.or(Read { topics, notes: left_out.into_iter().chain(lost).collect() })
+    let rounded = said(settings, &topics, &rounded);
+    errors.or(Read { topics, notes: left_out.into_iter().chain(lost).chain(rounded).collect() })
+}
+
+/// What is said of whole numbers that lose digits, by topic and field.
+fn said(settings: &Import, topics: &[Rows], rounded: &[Vec<Rounded>]) -> Vec<String> {
+    let each = settings.topic.iter().zip(topics).zip(rounded);
+    each.flat_map(|((topic, rows), rounded)| {
+        let fields = topic.fields.iter().zip(rounded);
+        fields.filter_map(move |(field, rounded)| {
+            let column = Named { column: &field.column, matrix: None }.words();
+            rounded.words(&topic.name, &column, rows.stamp.len())
+        })
+    })
+    .collect()
 }

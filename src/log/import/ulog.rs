@@ -4,12 +4,14 @@
 //! place, and records that nobody asks for (texts, parameters) cannot be one.
 
 use super::clock::Clock;
-use super::rows::{Read, Rows};
+use super::rows::{Read, Rows, Wanted};
 use super::settings::{Column, Import, Topic};
+use super::ulog_field::{number, whole};
+use super::values::Rounded;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 use crate::log::words::nearest_first;
-use px4_ulog::stream_parser::model::{FlattenedField, FlattenedFieldType};
+use px4_ulog::stream_parser::model::FlattenedField;
 use px4_ulog::stream_parser::{DataMessage, LogParser};
 use std::collections::BTreeSet;
 
@@ -51,7 +53,8 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, bytes: &[u8]) -> Result<Re
     });
     drop(parser);
     let mut errors = Errors::default();
-    let notes = errors.take(notes).unwrap_or_default();
+    let mut notes = errors.take(notes).unwrap_or_default();
+    notes.extend(sinks.iter().flat_map(Sink::said));
     // What a damaged log lacks may stand behind the damage.
     let sound = errors.is_empty();
     let known: Vec<String> = seen.iter().map(|(name, n)| format!("{name} {n}")).collect();
@@ -84,11 +87,11 @@ struct Sink<'a> {
     /// The field of time, and the clock it is read on.
     time: &'a str,
     clock: Clock,
-    /// Whether times are microseconds.
-    is_us: bool,
     /// The field of time and the others, once the first message has told what it holds.
     layout: Option<Option<(FlattenedField, Vec<FlattenedField>)>>,
     rows: Rows,
+    /// By field.
+    rounded: Vec<Rounded>,
     errors: Vec<Error>,
 }
 
@@ -120,9 +123,9 @@ impl<'a> Sink<'a> {
                 _ => TIMESTAMP,
             },
             clock: Clock::new(unit.unwrap_or("us"), start_s).map_err(|e| doc.error(&at, e))?,
-            is_us: unit.is_none_or(|unit| unit == "us"),
             layout: None,
             rows: Rows::default(),
+            rounded: vec![Rounded::default(); topic.fields.len()],
             errors: Vec::new(),
         })
     }
@@ -136,6 +139,11 @@ impl<'a> Sink<'a> {
             match self.stamp(time, message.data) {
                 Ok(stamp) => {
                     self.rows.push(stamp, fields.iter().map(|f| number(f, message.data)));
+                    let place = || format!("message {}", self.rows.stamp.len());
+                    for (field, rounded) in fields.iter().zip(&mut self.rounded) {
+                        let n = whole(field, message.data);
+                        n.into_iter().for_each(|n| rounded.see(n, place));
+                    }
                 }
                 Err(e) if self.errors.is_empty() => {
                     let n = self.rows.stamp.len() + 1;
@@ -172,40 +180,21 @@ impl<'a> Sink<'a> {
         Some((time?, fields.into_iter().collect::<Option<_>>()?))
     }
 
-    /// The stamp of a message, ns. Whole microseconds stay exact.
+    /// The stamp of a message, ns. Whole numbers stay exact.
     fn stamp(&self, time: &FlattenedField, data: &[u8]) -> Result<u64, String> {
-        match (&time.field_type, bytes_at(time, data)) {
-            (FlattenedFieldType::UInt64, Some(us)) if self.is_us => {
-                self.clock.later(i128::from(u64::from_le_bytes(us)) * 1000)
-            }
-            _ => self.clock.stamp(number(time, data)),
+        match whole(time, data) {
+            Some(t) => self.clock.whole(t),
+            None => self.clock.stamp(number(time, data)),
         }
     }
-}
 
-fn bytes_at<const N: usize>(field: &FlattenedField, data: &[u8]) -> Option<[u8; N]> {
-    let from = usize::from(field.offset);
-    data.get(from..from + N)?.try_into().ok()
-}
-
-/// The number in a field. The parser has seen that the message is as long as its format.
-fn number(field: &FlattenedField, data: &[u8]) -> f64 {
-    macro_rules! of {
-        ($t:ty) => {
-            bytes_at(field, data).map_or(f64::NAN, |b| <$t>::from_le_bytes(b) as f64)
-        };
-    }
-    match field.field_type {
-        FlattenedFieldType::Int8 => of!(i8),
-        FlattenedFieldType::UInt8 | FlattenedFieldType::Bool | FlattenedFieldType::Char => of!(u8),
-        FlattenedFieldType::Int16 => of!(i16),
-        FlattenedFieldType::UInt16 => of!(u16),
-        FlattenedFieldType::Int32 => of!(i32),
-        FlattenedFieldType::UInt32 => of!(u32),
-        FlattenedFieldType::Int64 => of!(i64),
-        FlattenedFieldType::UInt64 => of!(u64),
-        FlattenedFieldType::Float => of!(f32),
-        FlattenedFieldType::Double => of!(f64),
+    /// What is said of whole numbers that lose digits.
+    fn said(&self) -> impl Iterator<Item = String> {
+        let fields = self.topic.fields.iter().zip(&self.rounded);
+        fields.filter_map(move |(field, rounded)| {
+            let column = Wanted { column: &field.column, matrix: None }.words();
+            rounded.words(&self.topic.name, &column, self.rows.stamp.len())
+        })
     }
 }
 
