@@ -20,6 +20,7 @@
 
 use super::noise_covariance::Sigma;
 use crate::least_squares::{Arrow, Block, Covariance, Evaluate, Factor, Layout, Own};
+use crate::math::pool;
 use crate::noise::{Absorbed, Direction, Modelled, Part, Prior, Products, Rule, burg};
 use rayon::prelude::*;
 
@@ -224,7 +225,10 @@ fn absorbed<F: Evaluate>(source: &Source<F>, sigma: &Sigma, held: &[bool]) -> Op
             .chain(own.clone().map(|i| if is_held(i) { Direction::Held } else { Direction::Own }))
             .collect();
         let priors: Vec<Prior> = of.shared.iter().copied().chain(own).map(prior).collect();
-        Part::new(&directions, &sigma.whiten(s, blocks), &priors)
+        let white = sigma.whiten(s, blocks);
+        let part = Part::new(&directions, &white, &priors);
+        white.into_iter().for_each(pool::give);
+        part
     };
     let mut parts = Vec::with_capacity(layout.parts.len());
     source.each(part, |_, part| parts.extend(part))?;

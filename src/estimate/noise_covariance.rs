@@ -7,6 +7,8 @@
 
 use crate::least_squares::{Block, Covariance, Layout, Samples, at_instants};
 use crate::math::dense::{cholesky, forward, symmetric_eigen};
+use crate::math::pool;
+use crate::math::turned::columns_of;
 use crate::noise::{Ar, Filter};
 
 /// The smallest eigenvalue that the correlation matrix of innovations is left with.
@@ -128,24 +130,24 @@ impl<'a> Sigma<'a> {
     pub fn whiten(&self, s: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
         let nd = self.layout.parts[s].directions();
         let samples = blocks.iter().map(|block| block.e.len()).sum();
-        let mut columns: Vec<Vec<f64>> = (0..=nd).map(|_| Vec::with_capacity(samples)).collect();
-        let mut begins = Vec::new();
+        let mut columns: Vec<Vec<f64>> = (0..=nd).map(|_| pool::take(samples)).collect();
+        let wanted: Vec<usize> = (0..nd).collect();
+        let (mut begins, mut from) = (Vec::new(), 0);
         for block in blocks {
-            begins.push(columns[0].len());
+            begins.push(from);
+            let rows = from..from + block.e.len();
+            from = rows.end;
             let masked: Vec<bool> = block.e.iter().map(|e| e.is_nan()).collect();
-            let mut series: Vec<Vec<f64>> =
-                (0..nd).map(|d| block.g.iter().skip(d).step_by(nd).copied().collect()).collect();
-            series.push(block.e.clone());
-            self.filter(s, block).whiten_all(series.iter_mut().map(|x| &mut x[..]), &masked);
-            columns
-                .iter_mut()
-                .zip(&series)
-                .for_each(|(column, series)| column.extend_from_slice(series));
+            columns_of(&block.g, &wanted, rows.clone(), &mut columns);
+            columns[nd][rows.clone()].copy_from_slice(&block.e);
+            let series = columns.iter_mut().map(|column| &mut column[rows.clone()]);
+            self.filter(s, block).whiten_all(series, &masked);
         }
         self.separate(s, blocks, &begins, &mut columns);
         let scored: Vec<bool> =
             blocks.iter().flat_map(|block| block.e.iter().map(|e| !e.is_nan())).collect();
-        for column in &mut columns {
+        let some = scored.contains(&false);
+        for column in columns.iter_mut().filter(|_| some) {
             let mut scored = scored.iter();
             column.retain(|_| scored.next().copied().unwrap_or(false));
         }

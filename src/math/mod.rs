@@ -13,8 +13,14 @@ pub mod mixed;
 pub mod pool;
 pub mod products;
 pub mod simd;
+pub mod turned;
 
 pub use digits::digits;
+
+/// Whether all numbers are finite; all are looked at, so that several are at once.
+pub fn all_finite(numbers: &[f64]) -> bool {
+    !numbers.iter().fold(false, |any, x| any | !x.is_finite())
+}
 
 /// The median of finite values (the mean of the middle two of an even number); NaN for none.
 pub fn median(values: &[f64]) -> f64 {
@@ -56,6 +62,19 @@ mod tests {
         assert!((quantile(&v, 0.9) - 3.7).abs() < 1e-15);
         assert_eq!(median(&[7.0, 1.0, 2.0]), 2.0);
         assert!(median(&[]).is_nan() && mad_sd(&[]).is_nan());
+    }
+
+    #[test]
+    fn one_number_that_is_not_finite_is_found() {
+        let mut numbers = [1.0, -2.0, 0.0, f64::MAX, f64::MIN_POSITIVE, 3.0, 4.0];
+        assert!(all_finite(&numbers) && all_finite(&[]));
+        for k in 0..numbers.len() {
+            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let good = std::mem::replace(&mut numbers[k], bad);
+                assert!(!all_finite(&numbers), "{k} {bad}");
+                numbers[k] = good;
+            }
+        }
     }
 
     #[test]

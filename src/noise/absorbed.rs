@@ -38,6 +38,7 @@ pub struct Prior {
 }
 
 /// Information of one segment, its own parameters eliminated.
+#[derive(Debug, Clone)]
 pub struct Part {
     directions: usize,
     /// Direction of each column: own ones, then shared ones.
@@ -108,6 +109,14 @@ impl Part {
             .map(|k| gram.at(own + k / m, own + k % m) - taken(k / m, k % m))
             .collect();
         Part { directions, order, to, own, own_root, answer, information }
+    }
+
+    /// The same among other free shared parameters than those that it was made for; none where it sees one
+    /// that is not among them.
+    pub fn placed(&self, before: &[usize], free: &[usize]) -> Option<Part> {
+        let place = |&to: &usize| free.iter().position(|i| *i == before[to]);
+        let to = self.to.iter().map(place).collect::<Option<_>>()?;
+        Some(Part { to, ..self.clone() })
     }
 }
 

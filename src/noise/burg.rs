@@ -52,6 +52,31 @@ fn begins(t: usize) -> usize {
     t * (t + 1) * (t + 2) / 6
 }
 
+/// The stretches of a series without masked samples.
+fn runs(x: &[f64]) -> impl Iterator<Item = &[f64]> {
+    x.split(|v| v.is_nan()).filter(|run| !run.is_empty())
+}
+
+/// Sums of squares, each number by number; four go side by side, as each number waits for the sum before it.
+fn squares(runs: &[&[f64]]) -> Vec<f64> {
+    let mut sums = vec![0.0; runs.len()];
+    for (runs, sums) in runs.chunks_exact(4).zip(sums.chunks_exact_mut(4)) {
+        let n = runs.iter().map(|run| run.len()).min().unwrap_or(0);
+        let [a, b, c, d] = std::array::from_fn(|k| runs[k][..n].iter());
+        let mut now = [0.0; 4];
+        for (((a, b), c), d) in a.zip(b).zip(c).zip(d) {
+            now = [now[0] + a * a, now[1] + b * b, now[2] + c * c, now[3] + d * d];
+        }
+        sums.copy_from_slice(&now);
+        let rest = runs.iter().map(|run| &run[n..]);
+        sums.iter_mut().zip(rest).for_each(|(sum, rest)| rest.iter().for_each(|v| *sum += v * v));
+    }
+    let rest = runs.len() - runs.len() % 4;
+    let one = |run: &&[f64]| run.iter().map(|v| v * v).sum();
+    sums[rest..].iter_mut().zip(&runs[rest..]).for_each(|(sum, run)| *sum = one(run));
+    sums
+}
+
 impl Products {
     pub fn new(order: usize) -> Products {
         Products {
@@ -65,30 +90,22 @@ impl Products {
 
     /// Counts the samples of a measured series and adds its products.
     pub fn take(&mut self, x: &[f64]) {
-        for run in x.split(|v| v.is_nan()).filter(|run| !run.is_empty()) {
+        self.take_all(&[x]);
+    }
+
+    /// The same of a measured series, and the products of all that a fit absorbed of it, which stand beside it
+    /// and count no samples.
+    pub fn take_all<S: AsRef<[f64]>>(&mut self, series: &[S]) {
+        for run in series.iter().take(1).flat_map(|x| runs(x.as_ref())) {
             self.count += run.len();
             self.behind.iter_mut().enumerate().for_each(|(p, n)| *n += run.len().saturating_sub(p));
         }
-        self.beside(x);
-    }
-
-    /// Adds the products of a series that stands beside measured ones: what a fit absorbed of them.
-    /// It counts no samples.
-    pub fn beside(&mut self, x: &[f64]) {
-        for run in x.split(|v| v.is_nan()).filter(|run| !run.is_empty()) {
-            self.run(run);
-        }
-    }
-
-    /// A measured series and all that was absorbed of it.
-    pub fn take_all(&mut self, series: &[Vec<f64>]) {
-        let mut series = series.iter();
-        series.next().iter().for_each(|x| self.take(x));
-        series.for_each(|x| self.beside(x));
+        let all: Vec<&[f64]> = series.iter().flat_map(|x| runs(x.as_ref())).collect();
+        squares(&all).iter().for_each(|square| self.square += square);
+        all.iter().for_each(|run| self.run(run));
     }
 
     fn run(&mut self, x: &[f64]) {
-        self.square += x.iter().map(|v| v * v).sum::<f64>();
         // The first samples backwards, so that products of one with those before it stand in a row.
         let back: Vec<f64> = x[..self.order.min(x.len())].iter().rev().copied().collect();
         for t in 0..back.len() {
@@ -105,16 +122,28 @@ impl Products {
         if n <= m {
             return;
         }
-        // R(0, j) by its sum, R(i + 1, j + 1) = R(i, j) + what enters before the first sample -
-        // what leaves at the last.
-        let triangle = &mut self.sums[begins(m)..];
-        for (j, mut r) in with_lags(x, m).into_iter().enumerate() {
-            triangle[j * (j + 1) / 2] += r;
-            for i in 1..=m - j {
-                r += x[m - i] * x[m - i - j] - x[n - i] * x[n - i - j];
-                let row = i + j;
-                triangle[row * (row + 1) / 2 + i] += r;
+        let last: Vec<f64> = x[n - m..].iter().rev().copied().collect();
+        self.rest(&back, &last, &with_lags(x, m));
+    }
+
+    /// Products of the samples from the order on, row by row: R(0, j) by its sum, `lags[j]`, R(i + 1, j + 1) =
+    /// R(i, j) + what enters before the first of them - what leaves at the last. `first` samples of the run, as
+    /// many as the order, and its `last` ones, both backwards.
+    fn rest(&mut self, first: &[f64], last: &[f64], lags: &[f64]) {
+        let triangle = &mut self.sums[begins(self.order)..];
+        let (mut above, mut r) = (vec![0.0; lags.len()], vec![0.0; lags.len()]);
+        let mut at = 0;
+        for (j, lag) in lags.iter().enumerate() {
+            r[0] = *lag;
+            if let Some(k) = j.checked_sub(1) {
+                let (enters, leaves) = (first[k], last[k]);
+                let products = first.iter().zip(last).map(|(a, b)| a * enters - b * leaves);
+                let next = r[1..=j].iter_mut().zip(&above).zip(products);
+                next.for_each(|((r, above), more)| *r = above + more);
             }
+            triangle[at..=at + j].iter_mut().zip(&r).for_each(|(sum, r)| *sum += r);
+            at += j + 1;
+            std::mem::swap(&mut above, &mut r);
         }
     }
 
@@ -256,4 +285,38 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     let cut = (order == partial.len() && order < products.order).then_some(order);
     let variance = partial[..order].iter().fold(c0, |variance, k| variance * (1.0 - k * k));
     Modelled { model: Ar { partial: partial[..order].to_vec(), variance }, coloured, cut }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_side_by_side_are_those_of_one_after_the_other() {
+        let of = |k: usize| -> Vec<f64> {
+            (0..40 + 7 * (k % 5)).map(|i| libm::sin(0.7 * (i + 3 * k) as f64)).collect()
+        };
+        let all: Vec<Vec<f64>> = (0..11).map(of).collect();
+        for n in 0..=all.len() {
+            let some: Vec<&[f64]> = all[..n].iter().map(Vec::as_slice).collect();
+            let want: Vec<f64> = some.iter().map(|x| x.iter().map(|v| v * v).sum()).collect();
+            assert_eq!(squares(&some), want);
+        }
+    }
+
+    #[test]
+    fn products_are_those_of_every_pair_of_samples() {
+        let x: Vec<f64> = (0..60).map(|k| libm::sin(1.3 * k as f64) + 0.01 * k as f64).collect();
+        for order in [1, 2, 7, 24] {
+            let mut products = Products::new(order);
+            products.take(&x);
+            let last = &products.sums[begins(order)..];
+            for i in 0..=order {
+                for j in 0..=i {
+                    let want: f64 = (order..x.len()).map(|t| x[t - i] * x[t - j]).sum();
+                    assert!((last[i * (i + 1) / 2 + j] - want).abs() < 1e-12, "{order} {i} {j}");
+                }
+            }
+        }
+    }
 }

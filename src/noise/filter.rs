@@ -77,10 +77,16 @@ impl Filter {
         let back = |(j, a): (usize, &f64)| Term { factor: -a, row: -(((j + 1) * n) as isize) };
         let terms: Vec<Vec<Term>> =
             self.predictors.iter().map(|of| of.iter().enumerate().map(back).collect()).collect();
-        for sample in 0..x.len().checked_div(n).unwrap_or(0) {
-            let order = self.order(sample);
+        let (last, samples) = (terms.len() - 1, x.len().checked_div(n).unwrap_or(0));
+        let mut white = |from: usize, until: usize| {
+            let order = self.order(from);
             let scale = 1.0 / self.variances[order].sqrt();
-            mix((x, sample * n, &terms[order]), (to, sample * n, &[]), n, scale);
+            mix((x, from * n, &terms[order]), (to, from * n, &[]), (until - from) * n, scale);
+        };
+        (0..last.min(samples)).for_each(|sample| white(sample, sample + 1));
+        // From order p on the predictor stays the same: rows are one row of all their numbers.
+        if samples > last {
+            white(last, samples);
         }
     }
 

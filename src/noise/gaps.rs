@@ -42,7 +42,7 @@ pub(super) fn innovation(predictor: &[f64], x: &[f64]) -> f64 {
 impl Gaps {
     /// `predictors` of every order and the `variances` of their errors.
     pub(super) fn new(predictors: &[Vec<f64>], variances: &[f64], masked: &[bool]) -> Gaps {
-        if !masked.contains(&true) {
+        if !masked.iter().fold(false, |any, masked| any | masked) {
             return Gaps(Vec::new());
         }
         let last = predictors.len() - 1;

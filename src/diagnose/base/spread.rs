@@ -6,7 +6,7 @@ use crate::diagnose::residual::evaluation::Evaluation;
 use crate::estimate::Block;
 use crate::least_squares::give_back;
 use crate::math::pool;
-use crate::math::products::{DEPENDENT, Gram};
+use crate::math::products::{DEPENDENT, Gram, dot};
 use rayon::prelude::*;
 
 /// What is known of the last `k` free parameters at a point.
@@ -38,6 +38,8 @@ pub struct Part {
     /// Place of each shared column in `Task::free`; of the residuals, how many are free.
     pub to: Vec<usize>,
     pub gram: Gram,
+    /// Half the squares of its white residuals.
+    pub cost: f64,
 }
 
 impl Task<'_> {
@@ -73,8 +75,8 @@ impl Task<'_> {
     }
 
     /// One Gauss-Newton step from where the segments were evaluated, bounds kept: shared parameters and
-    /// those of the segments; none where the model is not finite.
-    pub fn stepped(&self, at: &Evaluation) -> Option<Vec<f64>> {
+    /// those of the segments; and the whole cost where it begins. None where the model is not finite.
+    pub fn stepped(&self, at: &Evaluation) -> Option<(Vec<f64>, f64)> {
         let (theta, n, layout) = (at.theta, self.free.len(), &self.case.layout);
         let part = |&s: &usize| self.part_of(s, theta, at.blocks(s)?);
         let parts: Vec<Part> = self.segments.par_iter().map(part).collect::<Option<_>>()?;
@@ -94,7 +96,8 @@ impl Task<'_> {
         }
         let bounds = layout.lower.iter().zip(&layout.upper);
         moved.iter_mut().zip(bounds).for_each(|(x, (low, high))| *x = x.clamp(*low, *high));
-        Some(moved)
+        let cost = parts.iter().map(|part| part.cost).sum::<f64>() + self.prior(theta);
+        Some((moved, cost))
     }
 
     /// One Gauss-Newton step of the shared parameters from `theta`, bounds not asked.
@@ -121,12 +124,13 @@ impl Task<'_> {
 
     fn part_of(&self, s: usize, theta: &[f64], blocks: &[Block]) -> Option<Part> {
         let Columns { mut columns, mut to, residuals } = self.white_columns(s, blocks)?;
+        let cost = 0.5 * dot(&residuals, &residuals);
         columns.push(residuals);
         to.push(self.free.len());
         let gram = self.products(s, theta, &columns);
         columns.into_iter().for_each(pool::give);
         let own = self.case.layout.parts[s].own;
-        gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own, to, gram })
+        gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own, to, gram, cost })
     }
 
     /// White sensitivities and residuals of segment `s`; none where the model is not finite.

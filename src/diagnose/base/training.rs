@@ -7,7 +7,7 @@
 //! (`crate::least_squares`) whose `R` is one, over some of the segments and of the shared
 //! parameters.
 
-use crate::diagnose::residual::whitening::{Noise, rows_of};
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::Case;
 use crate::least_squares::{
@@ -15,6 +15,7 @@ use crate::least_squares::{
     minimise,
 };
 use crate::math::pool;
+use crate::math::turned::rows_of;
 use rayon::prelude::*;
 
 /// Which segments and which shared parameters take part.
@@ -184,11 +185,15 @@ impl Task<'_> {
 
     /// Cost of all segments at `theta`, with what priors add.
     pub fn whole_cost(&self, theta: &[f64]) -> Option<f64> {
+        Some(self.costs(theta)?.iter().sum::<f64>() + self.prior(theta))
+    }
+
+    /// Half the squared deviations of what moves from priors, in their standard deviations.
+    pub fn prior(&self, theta: &[f64]) -> f64 {
         let layout = self.layout(theta);
         let pull =
             |(i, x): (usize, &f64)| 0.5 * layout.prior_weight(i) * (x - layout.centre[i]).powi(2);
-        let prior: f64 = layout.start.iter().enumerate().map(pull).sum();
-        Some(self.costs(theta)?.iter().sum::<f64>() + prior)
+        layout.start.iter().enumerate().map(pull).sum()
     }
 
     /// Costs of the segments at `theta`.

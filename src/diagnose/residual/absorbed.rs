@@ -44,15 +44,22 @@ impl<'a> Fitted<'a> {
     }
 
     /// With what a fit weighted by `noise` absorbs; `None` where the model is not finite.
-    pub fn weighted(mut self, noise: &Noise) -> Option<Fitted<'a>> {
-        let parts: Vec<Part> = (0..self.segments.len())
-            .into_par_iter()
-            .map(|at| self.part(noise, at))
-            .collect::<Option<_>>()?;
+    pub fn weighted(self, noise: &Noise) -> Option<Fitted<'a>> {
+        let parts: Vec<Part> = self.parts(noise).into_iter().collect::<Option<_>>()?;
+        Some(self.with(&parts))
+    }
+
+    /// What each segment says of the fit under a noise; none where the model is not finite.
+    pub fn parts(&self, noise: &Noise) -> Vec<Option<Part>> {
+        (0..self.segments.len()).into_par_iter().map(|at| self.part(noise, at)).collect()
+    }
+
+    /// With what a fit absorbs of which the segments say so much.
+    pub fn with(mut self, parts: &[Part]) -> Fitted<'a> {
         let priors: Vec<Prior> = self.free.iter().map(|&i| self.prior(i)).collect();
-        let all = Absorbed::new(&parts, &priors);
+        let all = Absorbed::new(parts, &priors);
         self.taken = parts.iter().map(|part| all.of(part)).collect();
-        Some(self)
+        self
     }
 
     fn prior(&self, i: usize) -> Prior {

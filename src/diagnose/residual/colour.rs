@@ -3,7 +3,8 @@
 
 use super::absorbed::{Fitted, Series};
 use super::instants::{Set, together};
-use super::joint::{Joint, Lagged};
+use super::joint::Joint;
+use super::lagged::Lagged;
 use super::partly::runs;
 use super::whitening::Noise;
 use crate::diagnose::thresholds::Thresholds;

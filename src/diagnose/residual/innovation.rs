@@ -16,10 +16,13 @@
 //! them. What the fit absorbed makes `w` smaller than white (`1 - W G P G' W'`), so that gains are
 //! at most those of chance.
 
-use super::sources::{Sources, columns, signals};
+use super::columns::Columns;
+use super::signals::signals;
+use super::sources::Sources;
 use super::sums::{Size, Sums};
 use super::whitening::Noise;
 use crate::estimate::{Block, Case, Trace};
+use crate::math::all_finite;
 use crate::math::products::{Gram, dot};
 
 /// How a source does what it does here, in words after its name.
@@ -46,48 +49,49 @@ pub fn sums(
     let (times, blocks): (Vec<&[f64]>, Vec<Block>) =
         traces.iter().filter(known).filter_map(|t| Some((&t.t[..], block(t)?))).unzip();
     let white = noise.whiten(s, &blocks, &[]).pop().unwrap_or_default();
-    let mut all = Vec::new();
-    // Outputs that are sampled together have the same columns, and the same products of these.
-    let (mut of, mut made): ((&[f64], Vec<bool>), Made) = Default::default();
+    let mut looked = Vec::with_capacity(blocks.len());
     let mut from = 0;
     for (times, block) in times.into_iter().zip(&blocks) {
-        let new = &white[from..from + block.e.len()];
-        from += block.e.len();
         let known: Vec<bool> = block.e.iter().map(|e| e.is_finite()).collect();
-        if of != (times, known.clone()) {
-            made = columns(&sources.all, &case.records[s], &signals, times)
-                .into_iter()
-                .map(|one| silenced(one, &known))
-                .collect();
-            of = (times, known);
-        }
-        for (source, (columns, products)) in made.iter().enumerate() {
-            let gram = match size {
-                Size::Alike => joined(products, columns, new),
-                Size::AsItIs => size.products(&mut columns.clone(), new),
-            };
-            all.push(Sums { output: block.output, source, gram });
+        looked.push((times, known, block.output, &white[from..from + block.e.len()]));
+        from += block.e.len();
+    }
+    let mut all = Vec::new();
+    let mut columns: Vec<Vec<f64>> = Vec::new();
+    // Outputs that are sampled together have the same columns, and the same products of these.
+    for together in looked.chunk_by(|a, b| (a.0, &a.1) == (b.0, &b.1)) {
+        let (times, known) = (together[0].0, &together[0].1);
+        let mut made = Columns::new(&sources.all, &case.records[s], &signals, times);
+        for (source, of) in sources.all.iter().enumerate() {
+            made.of(of, &mut columns);
+            silence(&mut columns, known);
+            let products = (size == Size::Alike).then(|| Gram::of(&columns));
+            for (_, _, output, new) in together {
+                let gram = match &products {
+                    Some(products) => joined(products, &columns, new),
+                    None => size.products(&mut columns.clone(), new),
+                };
+                all.push(Sums { output: *output, source, gram });
+            }
         }
     }
     all
 }
 
-/// Columns of every source and their products.
-type Made = Vec<(Vec<Vec<f64>>, Gram)>;
-
-/// Columns with nothing where a sample is not known, and nothing anywhere in one that is not
-/// finite; and their products.
-fn silenced(mut columns: Vec<Vec<f64>>, known: &[bool]) -> (Vec<Vec<f64>>, Gram) {
-    for column in &mut columns {
-        let finite = column.iter().all(|v| v.is_finite());
+/// Nothing where a sample is not known, and nothing anywhere in a column that is not finite.
+fn silence(columns: &mut [Vec<f64>], known: &[bool]) {
+    let all = known.iter().all(|known| *known);
+    for column in columns {
+        let finite = all_finite(column);
+        if finite && all {
+            continue;
+        }
         column
             .iter_mut()
             .zip(known)
             .filter(|(_, known)| !finite || !**known)
             .for_each(|(v, _)| *v = 0.0);
     }
-    let products = Gram::of(&columns);
-    (columns, products)
 }
 
 /// Products of columns with those of one more behind them.

@@ -8,14 +8,14 @@
 //! `min(t, q)` before it. At instants at which an output was not measured, and those behind them,
 //! `partly` says what becomes of the others.
 
-use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve};
+use crate::math::dense::cholesky_log_det;
 use crate::math::mixed::{Term, mix};
-use crate::math::products::dot;
+use crate::math::pool;
 
 use super::instants::Set;
+use super::lagged::{Lagged, predictor};
 use super::partly::{Partly, Predictor};
 use crate::diagnose::thresholds::Thresholds;
-use std::ops::Range;
 
 /// A vector autoregressive model of outputs sampled together.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,8 +71,20 @@ impl Joint {
             (from as isize - to as isize) * n as isize - back as isize
         };
         let all = self.terms(m, &between);
-        let (mut series, mut white) = (vec![0.0; m * n], vec![0.0; m * n]);
+        let (mut series, mut white) = (Vec::new(), pool::take(m * n));
+        let in_a_row = in_a_row(&at, n);
         for column in columns {
+            if let Some(first) = in_a_row {
+                let rows = first..first + m * n;
+                self.whiten(&column[rows.clone()], &mut white, &all);
+                partly.bridge(&self.predictors, &mut column[rows.clone()], &mut white);
+                match column.len() == white.len() {
+                    true => std::mem::swap(column, &mut white),
+                    false => column[rows].copy_from_slice(&white),
+                }
+                continue;
+            }
+            series.resize(m * n, 0.0);
             for (one, rows) in series.chunks_exact_mut(n).zip(&at) {
                 match rows {
                     Some(rows) => one.copy_from_slice(&column[rows.from..rows.from + n]),
@@ -86,6 +98,7 @@ impl Joint {
                 column[rows.from..rows.from + n].copy_from_slice(white);
             }
         }
+        pool::give(white);
     }
 
     /// The same for rows `[sample][n]`, everything measured, into those of `white`; none where an output was
@@ -112,11 +125,16 @@ impl Joint {
             ((at[from].from as isize - at[to].from as isize) - back as isize) * n as isize
         };
         let all = self.terms(m, &between);
-        for t in 0..samples {
-            for (i, Terms { past, others, scale }) in all[t.min(last)].iter().enumerate() {
-                let place = (at[i].from + t) * n;
-                mix((series, place, past), (white, place, others), n, *scale);
+        let mut some = |from: usize, to: usize| {
+            for (i, Terms { past, others, scale }) in all[from.min(last)].iter().enumerate() {
+                let place = (at[i].from + from) * n;
+                mix((series, place, past), (white, place, others), (to - from) * n, *scale);
             }
+        };
+        (0..last.min(samples)).for_each(|t| some(t, t + 1));
+        // From order q on the predictor stays the same: some rows of an output are one row of all their numbers.
+        for from in (last..samples).step_by(TOGETHER) {
+            some(from, (from + TOGETHER).min(samples));
         }
         Some(())
     }
@@ -160,6 +178,17 @@ impl Joint {
     }
 }
 
+/// Where the rows of all outputs begin, if those of one follow those of the other; each has `n`.
+fn in_a_row(at: &[Option<&Rows>], n: usize) -> Option<usize> {
+    let first = at.first().copied().flatten()?.from;
+    let follows =
+        |(i, rows): (usize, &Option<&Rows>)| rows.is_some_and(|rows| rows.from == first + i * n);
+    at.iter().enumerate().all(follows).then_some(first)
+}
+
+/// Samples whose rows are made white at once: those of all outputs stay in the nearest cache.
+const TOGETHER: usize = 16;
+
 /// What an output is made white with at an instant: series before it, white outputs of this instant, and over
 /// what.
 struct Terms {
@@ -168,77 +197,11 @@ struct Terms {
     scale: f64,
 }
 
-/// Sums of products `w_t w_(t-lag)'` of series of several outputs.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lagged {
-    outputs: usize,
-    /// Instants at which all of them were measured.
-    pub count: usize,
-    /// `[lag][outputs][outputs]`, lags up to the highest order.
-    lags: Vec<Vec<f64>>,
-}
-
-impl Lagged {
-    pub fn zero(outputs: usize, order: usize) -> Lagged {
-        Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; order + 1] }
-    }
-
-    /// Adds the products of one segment's series `[output][sample]`, all of one length, within runs
-    /// of samples at which all were measured. Products are those of the residuals and of what was
-    /// absorbed beside them: `count` is told apart.
-    pub fn take(&mut self, w: &[&[f64]], runs: &[Range<usize>]) {
-        let m = self.outputs;
-        for run in runs {
-            for (lag, sums) in self.lags.iter_mut().enumerate() {
-                for i in 0..m {
-                    let late = w[i][run.clone()].get(lag..).unwrap_or_default();
-                    (0..m).for_each(|j| sums[i * m + j] += dot(late, &w[j][run.clone()]));
-                }
-            }
-        }
-    }
-
-    pub fn add(&mut self, other: &Lagged) {
-        self.count += other.count;
-        for (lag, more) in self.lags.iter_mut().zip(&other.lags) {
-            lag.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
-        }
-    }
-}
-
-/// The best linear predictor of order `q` (multivariate Yule-Walker equations; Brockwell and Davis,
-/// section 11.4) and the factor of its innovations' covariance; `None` where that is not definite.
-fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<Predictor> {
-    let n = q * m;
-    // E[w_(t-1-a) w_(t-1-b)'] of the stacked past
-    let of = |a: usize, b: usize, i: usize, j: usize| {
-        if b >= a { lags[b - a][i * m + j] } else { lags[a - b][j * m + i] }
-    };
-    let past: Vec<f64> =
-        (0..n * n).map(|k| of(k / n / m, k % n / m, k / n % m, k % n % m)).collect();
-    let mut b = vec![0.0; m * n];
-    if q > 0 {
-        let l = cholesky(&past, n).ok()?;
-        for i in 0..m {
-            let row = &mut b[i * n..(i + 1) * n];
-            (0..n).for_each(|k| row[k] = lags[1 + k / m][i * m + k % m]);
-            cholesky_solve(&l, n, row);
-        }
-    }
-    let mut left = lags[0].clone();
-    for i in 0..m {
-        for j in 0..m {
-            left[i * m + j] -=
-                (0..n).map(|k| b[i * n + k] * lags[1 + k / m][j * m + k % m]).sum::<f64>();
-        }
-    }
-    let l = cholesky(&left, m).ok()?;
-    Some(Predictor { b, l })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::products::dot;
+    use std::ops::Range;
 
     /// Two outputs that share a disturbance, one of them a sample later.
     fn sample(n: usize, seed: u64) -> Vec<Vec<f64>> {
@@ -307,6 +270,30 @@ mod tests {
             assert!(white.iter().zip(&columns).all(|(a, x)| (a - x[i]).abs() < 1e-12), "{i}");
         }
         assert_eq!(joint.apply_rows(&series, &mut white, 11, &[None, rows[1].clone()]), None);
+    }
+
+    #[test]
+    fn where_rows_stand_changes_no_bit() {
+        let joint = joint(sums((0..6).map(|s| sample(500, s))));
+        let mut w = sample(60, 5);
+        w[1][30] = 0.0;
+        let masked: Vec<bool> = (0..60).map(|k| k == 30).collect();
+        for (before, between, behind) in [(0, 0, 0), (5, 0, 0), (0, 0, 3), (0, 9, 0)] {
+            let other = |n: usize| vec![7.0; n];
+            let all = [other(before), w[0].clone(), other(between), w[1].clone(), other(behind)];
+            let mut columns = [all.concat(), all.concat()];
+            let from = [before, before + 60 + between];
+            let rows = [(from[0], vec![false; 60]), (from[1], masked.clone())]
+                .map(|(from, masked)| Some(Rows { from, masked }));
+            joint.apply(&mut columns, &rows);
+            let mut plain = [w.concat()];
+            joint.apply(&mut plain, &self::rows([vec![false; 60], masked.clone()]));
+            for column in &columns {
+                let (a, b) = (&column[from[0]..][..60], &column[from[1]..][..60]);
+                assert_eq!([a, b].concat(), plain[0]);
+                assert_eq!(column.iter().filter(|x| **x == 7.0).count(), before + between + behind);
+            }
+        }
     }
 
     #[test]

@@ -5,7 +5,9 @@
 //! it.
 
 use super::absorbed::Fitted;
-use super::sources::{Sources, columns, signals};
+use super::columns::Columns;
+use super::signals::signals;
+use super::sources::Sources;
 use super::sums::{Size, best, sums, together};
 use super::whitening::Noise;
 use crate::diagnose::settings::Settings;
@@ -55,8 +57,10 @@ impl Responses {
                 let Some(trace) = traces.iter().find(|t| t.output == case.outputs[*output]) else {
                     continue;
                 };
-                let one = std::slice::from_ref(&sources.all[*source]);
-                let columns = columns(one, &case.records[s], &signals, &trace.t).concat();
+                let one = &sources.all[*source];
+                let all = std::slice::from_ref(one);
+                let mut columns = Vec::new();
+                Columns::new(all, &case.records[s], &signals, &trace.t).of(one, &mut columns);
                 let sum = self.values[at][*output].get_or_insert_with(|| vec![0.0; trace.t.len()]);
                 for (column, b) in columns.iter().zip(b) {
                     sum.iter_mut()

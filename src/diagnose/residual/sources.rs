@@ -1,5 +1,5 @@
-//! A case in; the sources that its residuals may respond to, and what each does at given instants,
-//! out.
+//! A case in; the sources that its residuals may respond to, out. What each does at given instants is
+//! said by `columns`.
 //!
 //! A source is an input of the model or a modelled output (less its value at the start of the
 //! maneuver), or the square of it, with lags; what such a signal rings at one frequency (a lightly
@@ -9,12 +9,11 @@
 
 use super::timescale::characteristic_time;
 use crate::diagnose::thresholds::Thresholds;
-use crate::dynamics::{Numbers, Record};
-use crate::estimate::{Case, Trace};
+use crate::estimate::Case;
 use crate::math::distribution::chi2_quantile;
 
 /// Lags of an impulse response.
-const LAGS: usize = 8;
+pub const LAGS: usize = 8;
 
 /// What an output may respond to.
 #[derive(Debug, Clone)]
@@ -57,9 +56,6 @@ impl Kind {
         if matches!(self, Kind::Lagged { .. }) { LAGS } else { 2 }
     }
 }
-
-/// Inputs, then modelled outputs of a segment: times and values.
-pub type Signals = Vec<(Numbers, Vec<f64>)>;
 
 /// All sources of a case.
 pub struct Sources {
@@ -164,216 +160,4 @@ fn frequencies(case: &Case, segments: &[usize], thresholds: &Thresholds) -> Vec<
     let count = ((thresholds.highest_frequency * std::f64::consts::PI / dt / lowest) as usize)
         .min(thresholds.frequencies);
     (1..=count).map(|k| k as f64 * lowest).collect()
-}
-
-/// Signals of one segment, less their value at its start.
-pub fn signals(case: &Case, s: usize, traces: &[Trace]) -> Signals {
-    let (record, nu) = (&case.records[s], case.model.inputs.len());
-    let grid = Numbers::from(grid(record));
-    let begin = record.t0 + record.start as f64 * record.dt;
-    let inputs = (0..nu).map(|i| {
-        (grid.clone(), (0..record.n).map(|k| record.inputs[k * nu + i]).collect::<Vec<f64>>())
-    });
-    let modelled = case.outputs.iter().map(|&o| {
-        let trace = traces.iter().find(|t| t.output == o);
-        trace.map(|t| (t.t.clone(), t.modelled.clone())).unwrap_or_default()
-    });
-    let mut all: Signals = inputs.chain(modelled).collect();
-    for (t, v) in &mut all {
-        let first = sampled(t, v, &[begin], 0.0)[0];
-        v.iter_mut().for_each(|v| *v -= first);
-    }
-    all
-}
-
-fn grid(record: &Record) -> Vec<f64> {
-    (0..record.n).map(|k| record.t0 + k as f64 * record.dt).collect()
-}
-
-/// What every source does at these instants (ascending): `[source][coefficient][instant]`.
-pub fn columns(
-    sources: &[Source],
-    record: &Record,
-    signals: &Signals,
-    times: &[f64],
-) -> Vec<Vec<Vec<f64>>> {
-    let grid = Numbers::from(grid(record));
-    let begin = record.t0 + record.start as f64 * record.dt;
-    let on = |times: &[f64]| -> Vec<Vec<f64>> {
-        signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect()
-    };
-    let (on_grid, now, from_grid) = (on(&grid), on(times), Places::new(&grid, times, 0.0));
-    // what several sources have in common is made once
-    let mut waving: Known<f64, Vec<Vec<f64>>> = Vec::new();
-    let mut waves =
-        |frequency: f64| once(&mut waving, &frequency, || waves(times, begin, frequency)).clone();
-    let mut lagging: Known<(usize, [f64; LAGS]), Vec<Vec<f64>>> = Vec::new();
-    let mut ringing: Known<usize, Vec<Rung>> = Vec::new();
-    let of = |source: &Source| match source.kind {
-        Kind::Lagged { signal, squared, lags } => {
-            let (t, v) = &signals[signal];
-            let lagged = || lags.iter().map(|lag| sampled(t, v, times, *lag)).collect();
-            let mut lagged: Vec<Vec<f64>> = once(&mut lagging, &(signal, lags), lagged).clone();
-            if squared {
-                lagged.iter_mut().flatten().for_each(|v| *v *= *v);
-            }
-            lagged
-        }
-        Kind::Wave { frequency } => waves(frequency),
-        Kind::Coming { signal, frequency } => {
-            let mut both = waves(frequency);
-            both.iter_mut().for_each(|wave| {
-                wave.iter_mut().zip(&now[signal]).for_each(|(wave, v)| *wave *= v)
-            });
-            both
-        }
-        Kind::Ringing { signal, frequency, damping } => {
-            let all = once(&mut ringing, &signal, || {
-                rung(&on_grid[signal], &tones(sources, signal), record.dt)
-            });
-            let one = all.iter().find(|one| one.tone == (frequency, damping));
-            one.iter().flat_map(|one| &one.parts).map(|v| from_grid.of(v)).collect()
-        }
-    };
-    sources.iter().map(of).collect()
-}
-
-/// What was made for each key.
-type Known<K, T> = Vec<(K, T)>;
-
-/// What belongs to a key: looked up, or made and kept.
-fn once<'a, K: PartialEq + Copy, T>(
-    known: &'a mut Known<K, T>,
-    key: &K,
-    make: impl FnOnce() -> T,
-) -> &'a T {
-    let at = known.iter().position(|(of, _)| of == key).unwrap_or_else(|| {
-        known.push((*key, make()));
-        known.len() - 1
-    });
-    &known[at].1
-}
-
-/// Frequencies and dampings at which a signal rings in some source.
-fn tones(sources: &[Source], signal: usize) -> Vec<(f64, f64)> {
-    let tone = |source: &Source| match source.kind {
-        Kind::Ringing { signal: of, frequency, damping } if of == signal => {
-            Some((frequency, damping))
-        }
-        _ => None,
-    };
-    sources.iter().filter_map(tone).collect()
-}
-
-/// Cosine and sine of the time since `begin`.
-fn waves(times: &[f64], begin: f64, frequency: f64) -> Vec<Vec<f64>> {
-    let phase = |time: &f64| libm::sincos(frequency * (time - begin));
-    vec![times.iter().map(|t| phase(t).1).collect(), times.iter().map(|t| phase(t).0).collect()]
-}
-
-/// Both parts of a lightly damped oscillation that the changes of a signal start.
-struct Rung {
-    /// Frequency and damping.
-    tone: (f64, f64),
-    parts: [Vec<f64>; 2],
-}
-
-/// Oscillations that go side by side: a step of one does not wait for that of another.
-const TONES: usize = 8;
-
-/// Oscillations of every tone.
-fn rung(v: &[f64], tones: &[(f64, f64)], dt: f64) -> Vec<Rung> {
-    tones.chunks(TONES).flat_map(|tones| rung_together(v, tones, dt)).collect()
-}
-
-fn rung_together(v: &[f64], tones: &[(f64, f64)], dt: f64) -> Vec<Rung> {
-    let (mut sin, mut cos, mut keep) = ([0.0; TONES], [0.0; TONES], [0.0; TONES]);
-    for (k, (frequency, damping)) in tones.iter().enumerate() {
-        (sin[k], cos[k]) = libm::sincos(frequency * dt);
-        keep[k] = libm::exp(-damping * frequency * dt);
-    }
-    let (mut x, mut y, mut last) = ([0.0; TONES], [0.0; TONES], v.first().copied().unwrap_or(0.0));
-    let mut all: Vec<[f64; 2 * TONES]> = Vec::with_capacity(v.len());
-    for &v in v {
-        let mut now = [0.0; 2 * TONES];
-        for k in 0..TONES {
-            (x[k], y[k]) = (
-                keep[k] * (cos[k] * x[k] - sin[k] * y[k]) + v - last,
-                keep[k] * (sin[k] * x[k] + cos[k] * y[k]),
-            );
-            (now[k], now[TONES + k]) = (x[k], y[k]);
-        }
-        last = v;
-        all.push(now);
-    }
-    let part = |k: usize| all.iter().map(|now| now[k]).collect();
-    let one =
-        |(k, tone): (usize, &(f64, f64))| Rung { tone: *tone, parts: [k, TONES + k].map(part) };
-    tones.iter().enumerate().map(one).collect()
-}
-
-/// A sampled signal at `times` (ascending) less `lag`: straight lines between samples, held before
-/// the first and after the last; NaN for none.
-fn sampled(t: &[f64], v: &[f64], times: &[f64], lag: f64) -> Vec<f64> {
-    Places::new(t, times, lag).of(v)
-}
-
-/// Where some times lie among those of samples: the sample before, and the share of the way to the
-/// next one; no sample at all.
-struct Places(Vec<Option<(usize, f64)>>);
-
-impl Places {
-    fn new(t: &[f64], times: &[f64], lag: f64) -> Places {
-        let mut after = 0;
-        let one = |time: &f64| {
-            let time = time - lag;
-            after += t[after..].iter().take_while(|t| **t <= time).count();
-            let (a, b) = (t.get(after.wrapping_sub(1)), t.get(after));
-            match (a, b) {
-                (Some(a), Some(b)) => Some((after - 1, (time - a) / (b - a))),
-                (Some(_), None) => Some((after - 1, 0.0)),
-                (None, Some(_)) => Some((0, 0.0)),
-                (None, None) => None,
-            }
-        };
-        Places(times.iter().map(one).collect())
-    }
-
-    /// A signal that has so many samples.
-    fn of(&self, v: &[f64]) -> Vec<f64> {
-        let one = |place: &Option<(usize, f64)>| match *place {
-            Some((i, share)) if share != 0.0 => v[i] + share * (v[i + 1] - v[i]),
-            Some((i, _)) => v[i],
-            None => f64::NAN,
-        };
-        self.0.iter().map(one).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_signal_is_held_beyond_its_samples_and_straight_between_them() {
-        let v = sampled(&[0.0, 1.0, 3.0], &[1.0, 2.0, 0.0], &[-1.0, 0.5, 1.0, 2.0, 9.0], 0.0);
-        assert_eq!(v, [1.0, 1.5, 2.0, 1.0, 0.0]);
-        assert_eq!(sampled(&[0.0, 1.0], &[1.0, 2.0], &[0.5, 1.5], 1.0), [1.0, 1.5]);
-        assert!(sampled(&[], &[], &[0.0], 0.0)[0].is_nan());
-    }
-
-    #[test]
-    fn a_step_rings_at_its_frequency_and_dies_out() {
-        let v: Vec<f64> = (0..2000).map(|k| if k < 10 { 0.0 } else { 1.0 }).collect();
-        let one = rung(&v, &[(2.0 * std::f64::consts::PI, 0.03)], 0.01);
-        let [x, _] = &one[0].parts;
-        // one period after the step, and half of one
-        let after = |s: f64| x[10 + (s / 0.01) as usize];
-        let kept = libm::exp(-0.03 * 2.0 * std::f64::consts::PI);
-        assert!(
-            (after(1.0) - kept).abs() < 1e-3
-                && (after(0.5) + kept.sqrt()).abs() < 1e-3
-                && x[9] == 0.0
-        );
-    }
 }

@@ -1,11 +1,15 @@
 //! Residuals of one segment and sources in; sums of what the output, whitened by its own filter,
 //! has of each source, and the response that gains most, out.
 
+use super::columns::Columns;
 use super::gain::gain;
-use super::sources::{Source, Sources, columns, signals};
+use super::signals::signals;
+use super::sources::{Source, Sources};
 use super::whitening::Noise;
-use crate::estimate::Case;
+use crate::estimate::{Case, Trace};
+use crate::math::all_finite;
 use crate::math::products::Gram;
+use crate::noise::Filter;
 use rayon::prelude::*;
 
 /// How the residuals' size is taken: alike at all instants, or as it is at each.
@@ -74,6 +78,36 @@ pub fn best(gram: &Gram, ridge: f64) -> Option<(f64, Vec<f64>)> {
 /// not looked at.
 pub type Less<'a> = dyn Fn(usize) -> Option<&'a Option<Vec<f64>>> + 'a;
 
+/// An output that is looked at.
+struct Looked<'a> {
+    output: usize,
+    times: &'a [f64],
+    filter: &'a Filter,
+    masked: Vec<bool>,
+    /// Its residuals, made white.
+    e: Vec<f64>,
+}
+
+impl<'a> Looked<'a> {
+    fn new(
+        (case, noise): (&Case, &'a Noise),
+        s: usize,
+        trace: &'a Trace,
+        less: &Less,
+    ) -> Option<Looked<'a>> {
+        let output = case.outputs.iter().position(|&o| o == trace.output)?;
+        let (filter, less) = (noise.filter(s, output)?, less(output)?);
+        let mut e: Vec<f64> =
+            trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
+        if let Some(less) = less {
+            e.iter_mut().zip(less).for_each(|(e, less)| *e -= less);
+        }
+        let masked: Vec<bool> = e.iter().map(|e| !e.is_finite()).collect();
+        filter.whiten(&mut e, &masked);
+        Some(Looked { output, times: &trace.t, filter, masked, e })
+    }
+}
+
 /// Sums of one segment.
 pub fn sums(
     case: &Case,
@@ -86,29 +120,22 @@ pub fn sums(
 ) -> Vec<Sums> {
     let traces = case.traces(s, theta);
     let signals = signals(case, s, &traces);
+    let looked: Vec<Looked> =
+        traces.iter().filter_map(|trace| Looked::new((case, noise), s, trace, less)).collect();
     let mut all = Vec::new();
-    // Outputs that are sampled together have the same columns.
-    let mut made: (&[f64], Vec<Vec<Vec<f64>>>) = (&[], Vec::new());
-    let mut white: Vec<Vec<f64>> = Vec::new();
-    for trace in &traces {
-        let Some(output) = case.outputs.iter().position(|&o| o == trace.output) else { continue };
-        let (Some(filter), Some(less)) = (noise.filter(s, output), less(output)) else { continue };
-        if made.0 != &*trace.t {
-            made = (&trace.t, columns(&sources.all, &case.records[s], &signals, &trace.t));
-        }
-        let mut e: Vec<f64> =
-            trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
-        if let Some(less) = less {
-            e.iter_mut().zip(less).for_each(|(e, less)| *e -= less);
-        }
-        let masked: Vec<bool> = e.iter().map(|e| !e.is_finite()).collect();
-        filter.whiten(&mut e, &masked);
-        for (source, columns) in made.1.iter().enumerate() {
-            white.clone_from(columns);
-            filter.whiten_all(white.iter_mut().map(|x| &mut x[..]), &masked);
-            let unknown = |x: &&mut Vec<f64>| !x.iter().all(|v| v.is_finite());
-            white.iter_mut().filter(unknown).for_each(|x| x.fill(0.0));
-            all.push(Sums { output, source, gram: size.products(&mut white, &e) });
+    let (mut columns, mut white): (Vec<Vec<f64>>, Vec<Vec<f64>>) = Default::default();
+    // Outputs that are sampled together have the same columns, which stay in the cache for all of them.
+    for together in looked.chunk_by(|a, b| a.times == b.times) {
+        let mut made = Columns::new(&sources.all, &case.records[s], &signals, together[0].times);
+        for (source, of) in sources.all.iter().enumerate() {
+            made.of(of, &mut columns);
+            for Looked { output, filter, masked, e, .. } in together {
+                white.clone_from(&columns);
+                filter.whiten_all(white.iter_mut().map(|x| &mut x[..]), masked);
+                let unknown = |x: &&mut Vec<f64>| !all_finite(x);
+                white.iter_mut().filter(unknown).for_each(|x| x.fill(0.0));
+                all.push(Sums { output: *output, source, gram: size.products(&mut white, e) });
+            }
         }
     }
     all

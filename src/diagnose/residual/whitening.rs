@@ -10,6 +10,7 @@ use super::joint::{Joint, Rows};
 use crate::estimate::Block;
 use crate::math::pool;
 use crate::math::products::dot;
+use crate::math::turned::columns_of;
 use crate::noise::Filter;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -186,36 +187,4 @@ fn runs(wanted: &[usize]) -> Vec<(usize, Range<usize>)> {
         }
     }
     runs
-}
-
-/// Rows of sensitivities `[sample][direction]` into the rows `to` of columns, those wanted.
-fn columns_of(g: &[f64], wanted: &[usize], to: Range<usize>, columns: &mut [Vec<f64>]) {
-    let directions = g.len().checked_div(to.len()).unwrap_or(0);
-    if directions == 0 {
-        columns.iter_mut().take(wanted.len()).for_each(|column| column[to.clone()].fill(0.0));
-    }
-    // Samples in pieces that stay in the cache while every column takes its own.
-    for (piece, rows) in g.chunks(PIECE * directions.max(1)).enumerate() {
-        let from = to.start + piece * PIECE;
-        for (&k, column) in wanted.iter().zip(columns.iter_mut()) {
-            let row = rows.chunks_exact(directions.max(1));
-            column[from..to.end].iter_mut().zip(row).for_each(|(x, row)| *x = row[k]);
-        }
-    }
-}
-
-/// Samples that are turned at a time.
-const PIECE: usize = 64;
-
-/// Columns as rows `[sample][column]`.
-pub fn rows_of(columns: &[Vec<f64>]) -> Vec<f64> {
-    let (n, samples) = (columns.len(), columns.first().map_or(0, Vec::len));
-    let mut rows = pool::take(n * samples);
-    for (piece, rows) in rows.chunks_mut(PIECE * n.max(1)).enumerate() {
-        for (k, column) in columns.iter().enumerate() {
-            let of = rows.chunks_exact_mut(n);
-            of.zip(&column[piece * PIECE..]).for_each(|(row, x)| row[k] = *x);
-        }
-    }
-    rows
 }

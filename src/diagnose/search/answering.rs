@@ -33,7 +33,7 @@ fn stepped(case: Case, stand: &Stand, found: &Found, settings: &Settings) -> Opt
     let (segments, free) = (&places.training[..], &found.free[..]);
     let task = Task { case: &case, noise, segments, free, thresholds };
     let at = Evaluation::new(&case, &found.fit.theta, segments);
-    let theta = task.stepped(&at)?;
+    let (theta, _) = task.stepped(&at)?;
     drop(at);
     let held_out = frozen(&case, noise, places, &theta, (&stand.nulls, thresholds));
     let of = |s: usize| theta_at(places, &held_out, &theta, s);

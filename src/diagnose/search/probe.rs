@@ -140,14 +140,12 @@ impl Probe {
             }
         }
         let mut dy = response.dy.into_iter();
-        let block = |(channel, y): (&Channel, Vec<f64>)| {
+        let block = |(channel, mut e): (&Channel, Vec<f64>)| {
             let output = case.outputs.iter().position(|&o| o == channel.output)?;
-            let e: Vec<f64> = channel
-                .z
-                .iter()
-                .zip(y)
-                .map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN })
-                .collect();
+            // what was predicted becomes the residual
+            e.iter_mut()
+                .zip(&channel.z)
+                .for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
             Some(Block::new(output, e, dy.next().unwrap_or_default()))
         };
         case.records[s].channels.iter().zip(response.y).map(block).collect()

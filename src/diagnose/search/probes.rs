@@ -10,6 +10,7 @@ use super::ground::Ground;
 use super::probe::Probe;
 use crate::diagnose::effect::{Added, Candidate};
 use crate::error::Errors;
+use crate::least_squares::give_back;
 use crate::model::Model;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -207,7 +208,9 @@ fn white<'p>(
 ) -> Option<impl Iterator<Item = (usize, Vec<f64>)> + use<'p>> {
     let blocks = probe.run(ground, s, at, row)?;
     let all: Vec<usize> = (0..probe.sizes.len()).collect();
-    Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks, &all)))
+    let white = ground.noise.whiten(s, &blocks, &all);
+    give_back(blocks);
+    Some(probe.sizes.iter().copied().zip(white))
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@
 
 use super::ground::Ground;
 use crate::diagnose::base::spread::Columns;
+use crate::math::pool;
 use crate::math::products::{DEPENDENT, Gram, dot, upper_rows, with_each};
 use crate::simulate::Stream;
 
@@ -240,6 +241,7 @@ impl Part {
             sums.pull(k, prior, rows.0[samples + k]);
         }
         sums.eliminate(0, own);
+        columns.into_iter().for_each(pool::give);
         Part { own, to, pairs, sums }
     }
 }

@@ -32,6 +32,7 @@ use crate::diagnose::subject::{Places, Subject};
 use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
 use crate::estimate::{Case, Prepared};
+use crate::noise::Part;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -188,13 +189,17 @@ pub fn stability(
             None => break,
         }
     }
+    // What each maneuver says of the fit is the same in every draw.
+    let parts = Fitted::new(&at, &all, &free, &responses.values, rule).parts(&noise);
     let noise = |variant: Variant| {
         let training = &variant.places.training;
         let without: Vec<_> =
             training.iter().filter_map(|&s| responses.values.get(s).cloned()).collect();
-        let free = seen(&base.case, training);
-        let fitted = Fitted::new(&at, training, &free, &without, rule);
-        let noise = noise_of(&fitted.weighted(&noise)?, &subject.settings.thresholds);
+        let moving = seen(&base.case, training);
+        let part = |&s: &usize| parts[s].as_ref()?.placed(&free, &moving);
+        let parts: Vec<Part> = training.iter().map(part).collect::<Option<_>>()?;
+        let fitted = Fitted::new(&at, training, &moving, &without, rule).with(&parts);
+        let noise = noise_of(&fitted, &subject.settings.thresholds);
         Some((variant, noise))
     };
     let draws: Vec<(Variant, Noise)> =
@@ -340,11 +345,10 @@ impl Solution<'_> {
 
     /// The best of a step, half of it, a quarter, and none.
     fn stepped(&self, at: &Evaluation, task: &Task) -> Option<(Vec<f64>, f64)> {
-        let whole = task.stepped(at)?;
+        let (whole, here) = task.stepped(at)?;
         let at = |share: f64| -> Vec<f64> {
             self.theta.iter().zip(&whole).map(|(from, to)| from + share * (to - from)).collect()
         };
-        let here = task.whole_cost(&self.theta)?;
         let lower = [1.0, 0.5, 0.25].into_iter().find_map(|share| {
             let theta = at(share);
             let cost = task.whole_cost(&theta).filter(|cost| *cost <= here)?;
