@@ -28,6 +28,9 @@ const WALKS: f64 = 5.0;
 /// Most that one iteration changes a variance, as a factor: farther, and what is too large by a
 /// poor start is not used any more, and stays too large because it is not used.
 const STRIDE: f64 = 5.0;
+/// A variance whose step promises less log-likelihood than this is where it may stay: the noise of an input that
+/// no measurement sees grows without end, and gusts where there are none shrink without end.
+const PROMISE: f64 = 1.0;
 
 impl Levels {
     /// Levels from the signals themselves; `walks` gives densities (unit per square root of a
@@ -98,7 +101,8 @@ impl Levels {
     /// One step of maximum likelihood: a variance times `sum u^2 / sum D`, the ratio of what its
     /// adjoints are to what they should be (score of de Jong's disturbance smoother: at the maximum
     /// each ratio is 1). `walks`: the states whose walk is estimated. Gives the largest relative
-    /// change of a standard deviation.
+    /// change of a standard deviation that promises anything: with `g = v (sum u^2 - sum D)/2`, the derivative of
+    /// the log-likelihood with respect to `ln v`, a step from `v` to `v'` promises `g ln(v'/v)/2`.
     pub fn improve(&mut self, first: &Levels, sums: &Sums, walks: &[usize]) -> f64 {
         let mut change = 0.0f64;
         let mut scale = |value: &mut f64, [actual, expected]: [f64; 2], least: f64, power: i32| {
@@ -106,7 +110,10 @@ impl Levels {
                 let ratio = (actual / expected).clamp(1.0 / STRIDE, STRIDE);
                 let next = (*value * if power == 2 { ratio * ratio } else { ratio }).max(least);
                 let tolerance = if power == 2 { WALKS } else { 1.0 };
-                change = change.max(((next / *value).sqrt() - 1.0).abs() / tolerance);
+                let promise = 0.25 * *value * (actual - expected) * libm::log(next / *value);
+                if promise > PROMISE {
+                    change = change.max(((next / *value).sqrt() - 1.0).abs() / tolerance);
+                }
                 *value = next;
             }
         };
