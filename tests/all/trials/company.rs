@@ -10,6 +10,7 @@
 
 use super::campaign::{self, Setting, Trial, random};
 use super::truth::{Hidden, INSIDE, NOTHING, OUTSIDE, together};
+use super::values::{self, Compared, compared};
 use super::{Outcome, With, cores, diagnosed, named, story, votes};
 use koehler::diagnose::{self, Verdict};
 use koehler::estimate::Segment;
@@ -60,6 +61,8 @@ struct Row {
     names: Vec<(String, bool)>,
     /// Of what was hidden inside the library, which are in a class that was named.
     found: Vec<bool>,
+    /// Sizes of what was hidden and is in a class that was named.
+    values: Vec<Compared>,
     lines: Vec<String>,
 }
 
@@ -104,7 +107,8 @@ fn one(seed: u64, with: &With, alone: bool) -> Option<Row> {
     if alone {
         println!("{}", story(&NOTHING, &setting, &outcome));
     }
-    Some(judged(&setting, hidden.into_iter().zip(sizes).collect(), size, &outcome))
+    let sized = hidden.into_iter().zip(sizes).zip(amounts).map(|((h, size), a)| (h, size, a));
+    Some(judged(&setting, sized.collect(), size, &outcome))
 }
 
 /// With noise of the sensors, of the recorded surfaces (0.2 mrad), and a slow gust in the vane.
@@ -128,10 +132,11 @@ fn recorded(segments: Vec<Segment>, setting: &Setting) -> Vec<Segment> {
 
 fn judged(
     setting: &Setting,
-    hidden: Vec<(&'static Hidden, f64)>,
+    sized: Vec<(&'static Hidden, f64, f64)>,
     size: f64,
     outcome: &Outcome,
 ) -> Row {
+    let hidden: Vec<(&Hidden, f64)> = sized.iter().map(|(h, size, _)| (*h, *size)).collect();
     let diagnosis = &outcome.diagnosis;
     let given = if diagnosis.is_named() { named(diagnosis) } else { Vec::new() };
     let is_of = |name: &&str, h: &Hidden| h.is.contains(name);
@@ -141,7 +146,15 @@ fn judged(
         .iter()
         .map(|(h, _)| given.iter().any(|class| class.iter().any(|name| is_of(name, h))))
         .collect();
+    let findings = if diagnosis.is_named() { &diagnosis.findings[..] } else { &[] };
+    let values = findings.iter().flat_map(|finding| {
+        let of = |&(h, _, amount): &(&Hidden, f64, f64)| {
+            compared(diagnosis, finding, (h, amount), setting.aircraft)
+        };
+        sized.iter().find_map(of)
+    });
     Row {
+        values: values.collect(),
         setting: *setting,
         hidden,
         size,
@@ -171,7 +184,12 @@ impl Row {
             hidden.join(", "),
             self.verdict.as_str(),
             names.join(" then "),
-            self.lines.join("\n    ")
+            self.values
+                .iter()
+                .map(Compared::told)
+                .chain(self.lines.clone())
+                .collect::<Vec<_>>()
+                .join("\n    ")
         )
     }
 }
@@ -187,14 +205,16 @@ fn totals(rows: &[&Row]) -> String {
     let silent = much.iter().filter(|r| says_nothing.contains(&r.verdict)).count();
     let large: Vec<&&Row> = rows.iter().filter(|r| r.hidden.len() == 1).collect();
     let found = large.iter().filter(|r| r.found[0]).count();
+    let values: Vec<&Compared> = rows.iter().flat_map(|r| &r.values).collect();
     format!(
         "{} trials: {right} of {} names are there (95 % wanted); nothing but company: {false_alone} of {} name what is not there \
-         (2 %); base lacks more than size 1: {silent} of {} say \"nothing missing\" (5 %); one large effect: {found} of {} named (60 %)",
+         (2 %); base lacks more than size 1: {silent} of {} say \"nothing missing\" (5 %); one large effect: {found} of {} named (60 %); {}",
         rows.len(),
         names.len(),
         alone.len(),
         much.len(),
-        large.len()
+        large.len(),
+        values::totals(&values)
     )
 }
 

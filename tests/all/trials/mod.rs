@@ -15,6 +15,7 @@ mod company;
 mod sensitivity;
 mod summary;
 mod truth;
+mod values;
 
 use std::fmt::Write as _;
 use std::io::Write as _;
