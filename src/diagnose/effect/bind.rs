@@ -285,16 +285,18 @@ impl<'a> Binding<'a> {
     }
 
     fn added(&self, key: &str, size: &Size) -> Added {
-        let scale = size.of.as_ref().map_or(1.0, |of| self.size(of))
-            / size.over.as_ref().map_or(1.0, |over| self.usual(over));
+        let over = size.over.as_ref().map_or(1.0, |over| self.usual(over));
+        let scale = size.of.as_ref().map_or(1.0, |of| self.size(of)) / over;
         let middle = size.about.as_ref().map_or(0.0, |of| self.middle(of));
         let check = size.near.as_ref().and_then(|near| {
             let constant = roles::find(&near.role, self.base, self.context).into_iter().next()?;
-            Some(Check {
-                value: self.constant(&constant.text)?,
-                text: constant.text,
-                within: near.within,
-            })
+            let value = self.constant(&constant.text)? / over;
+            // a distance, or the time that it takes
+            let text = match size.over.as_ref().and_then(|over| self.bound.get(over.as_str())) {
+                Some(over) => format!("{}/{}", constant.text, over.ident),
+                None => constant.text,
+            };
+            Some(Check { value, text, within: near.within })
         });
         let mut starts: Vec<f64> = size.starts.iter().map(|s| middle + s * scale).collect();
         if let Some(check) = &check
