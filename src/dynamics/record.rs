@@ -111,12 +111,17 @@ impl Record {
         }
     }
 
-    /// Where the samples of a channel lie on the grid: none where there is one at every grid point from the start point on.
-    pub fn sampling(&self, channel: &Channel) -> Option<Vec<Option<Weights>>> {
+    /// Where the samples of a channel lie on the grid, to `places`; false, and none there, where there is one at
+    /// every grid point from the start point on.
+    pub fn sampling(&self, channel: &Channel, places: &mut Vec<Option<Weights>>) -> bool {
         let n = self.n.saturating_sub(self.start);
         let there = |(k, &t): (usize, &f64)| (self.place(t) - k as f64).abs() < AT_POINT;
         let is_grid = channel.t.len() == n && channel.t.iter().enumerate().all(there);
-        (!is_grid).then(|| channel.t.iter().map(|&t| self.weights(t)).collect())
+        places.clear();
+        if !is_grid {
+            places.extend(channel.t.iter().map(|&t| self.weights(t)));
+        }
+        !is_grid
     }
 
     /// Steps of the grid from the start point to time `t`.
@@ -174,5 +179,21 @@ mod tests {
         assert!(record.weights(3.4).is_none());
         assert!(record.weights(11.6).is_none());
         assert_eq!(record.weights(4.0).unwrap().len, 1);
+    }
+
+    #[test]
+    fn places_of_one_channel_leave_nothing_in_those_of_the_next() {
+        let record = Record { t0: 2.0, dt: 0.5, n: 20, start: 3, ..Default::default() };
+        let mut places = Vec::new();
+        for (n, from, by) in
+            [(40, 3.2, 0.21), (7, 2.0, 0.9), (17, 3.5, 0.5), (0, 0.0, 1.0), (25, 3.5, 0.5)]
+        {
+            let t: Vec<f64> = (0..n).map(|k| from + by * f64::from(k)).collect();
+            let channel = Channel { t: t.clone().into(), ..Default::default() };
+            let is_grid = (n, from, by) == (17, 3.5, 0.5);
+            assert_eq!(record.sampling(&channel, &mut places), !is_grid, "{n}");
+            let want: Vec<Option<Weights>> = t.iter().map(|&t| record.weights(t)).collect();
+            assert_eq!(places, if is_grid { Vec::new() } else { want }, "{n}");
+        }
     }
 }

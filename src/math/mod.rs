@@ -13,6 +13,7 @@ pub mod mixed;
 pub mod pool;
 pub mod products;
 pub mod simd;
+mod tiles;
 pub mod turned;
 
 pub use digits::digits;

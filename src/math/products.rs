@@ -5,15 +5,15 @@
 //! products of what they cannot imitate: `H~'H~`, `H~'e~`, `e~'e~`. Only the upper triangle is
 //! kept. A column that depends on those before it is left out, not divided by.
 
-use crate::math::simd::{Eight, Width, by_width};
-use std::ops::Range;
+use super::tiles::{add_each, add_products};
+use crate::math::simd::Width;
 
 /// A pivot below this share of its column's own sum of squares is rounding: the column depends on
 /// those before it.
 pub const DEPENDENT: f64 = 1e-11;
 
 /// Rows at a time.
-const PIECE: usize = 256;
+pub(super) const PIECE: usize = 256;
 
 /// Symmetric sums of products, upper triangle of `[n][n]`, and the sums of squares before anything
 /// was eliminated.
@@ -111,19 +111,15 @@ impl Gram {
 /// zero before the diagonal.
 pub fn upper_rows<C: AsRef<[f64]>>(columns: &[C], wanted: usize) -> Vec<f64> {
     let columns: Vec<&[f64]> = columns.iter().map(AsRef::as_ref).collect();
-    let (n, width) = (columns.len(), Width::detect());
+    let width = Width::detect();
     let rows = columns.iter().map(|column| column.len()).min().unwrap_or(0);
-    let mut sums = vec![0.0; wanted * n];
+    let mut sums = vec![0.0; wanted * columns.len()];
     // Rows in pieces that stay in the cache while every column meets every other.
     for from in (0..rows).step_by(PIECE) {
         let rows = from..(from + PIECE).min(rows);
-        for (i, column) in columns[..wanted].iter().enumerate() {
-            let sums = &mut sums[i * n + i..(i + 1) * n];
-            // SAFETY: the width is this machine's.
-            unsafe {
-                add_products(width, &column[rows.clone()], &columns[i..], rows.clone(), sums)
-            };
-        }
+        let piece: Vec<&[f64]> = columns.iter().map(|column| &column[rows.clone()]).collect();
+        // SAFETY: the width is this machine's.
+        unsafe { add_products(width, &piece[..wanted], &piece, true, &mut sums) };
     }
     sums
 }
@@ -133,7 +129,7 @@ pub fn with_each(column: &[f64], others: &[Vec<f64>]) -> Vec<f64> {
     let others: Vec<&[f64]> = others.iter().map(Vec::as_slice).collect();
     let mut sums = vec![0.0; others.len()];
     // SAFETY: the width is this machine's.
-    unsafe { add_products(Width::detect(), column, &others, 0..column.len(), &mut sums) };
+    unsafe { add_products(Width::detect(), &[column], &others, false, &mut sums) };
     sums
 }
 
@@ -141,90 +137,18 @@ pub fn with_each(column: &[f64], others: &[Vec<f64>]) -> Vec<f64> {
 pub fn with_lags(x: &[f64], m: usize) -> Vec<f64> {
     let mut sums = vec![0.0; m + 1];
     if x.len() > m {
+        let before: Vec<&[f64]> = (0..=m).map(|lag| &x[m - lag..]).collect();
         // SAFETY: the width is this machine's.
-        unsafe { add_lags(Width::detect(), x, &mut sums) };
+        unsafe { add_products(Width::detect(), &[&x[m..]], &before, false, &mut sums) };
     }
     sums
 }
 
-by_width! {
-    /// Adds the products of a series with itself before, sum `j` those of `j` samples: of the samples
-    /// that have so many before them as the last sum asks for.
-    fn add_lags(x: &[f64], sums: &mut [f64]) = add_lags_body
-}
-
-/// # Safety
-/// The machine has the width.
-#[inline(always)]
-unsafe fn add_lags_body<V: Eight>(x: &[f64], sums: &mut [f64]) {
-    let m = sums.len() - 1;
-    let late = &x[m..];
-    let before = |lag: usize| &x[m - lag..][..late.len()];
-    let mut fours = sums.chunks_exact_mut(4);
-    let mut lag = 0;
-    for sums in &mut fours {
-        // SAFETY: the machine has the width.
-        let of = unsafe { dots::<V, 4>(late, std::array::from_fn(|k| before(lag + k))) };
-        sums.iter_mut().zip(of).for_each(|(sum, x)| *sum += x);
-        lag += 4;
-    }
-    for (k, sum) in fours.into_remainder().iter_mut().enumerate() {
-        // SAFETY: the machine has the width.
-        *sum += unsafe { dots::<V, 1>(late, [before(lag + k)]) }[0];
-    }
-}
-
-by_width! {
-    /// Adds the products of rows of a column with the same rows of each of the others.
-    fn add_products(a: &[f64], columns: &[&[f64]], rows: Range<usize>, sums: &mut [f64]) = add_products_body
-}
-
-/// # Safety
-/// The machine has the width.
-#[inline(always)]
-unsafe fn add_products_body<V: Eight>(
-    a: &[f64],
-    columns: &[&[f64]],
-    rows: Range<usize>,
-    sums: &mut [f64],
-) {
-    let (mut fours, mut sums_of) = (columns.chunks_exact(4), sums.chunks_exact_mut(4));
-    for (b, sums) in (&mut fours).zip(&mut sums_of) {
-        let b: [&[f64]; 4] = std::array::from_fn(|k| &b[k][rows.clone()]);
-        // SAFETY: the machine has the width.
-        let of = unsafe { dots::<V, 4>(a, b) };
-        sums.iter_mut().zip(of).for_each(|(sum, x)| *sum += x);
-    }
-    for (b, sum) in fours.remainder().iter().zip(sums_of.into_remainder()) {
-        // SAFETY: the machine has the width.
-        *sum += unsafe { dots::<V, 1>(a, [&b[rows.clone()]]) }[0];
-    }
-}
-
-/// Products of `a` with `N` others of its length.
-///
-/// # Safety
-/// The machine has the width.
-#[inline(always)]
-unsafe fn dots<V: Eight, const N: usize>(a: &[f64], b: [&[f64]; N]) -> [f64; N] {
-    let whole = a.len() - a.len() % 8;
-    assert!(b.iter().all(|b| b.len() == a.len()));
-    let mut lanes = [[0.0; 8]; N];
-    // SAFETY: eight numbers from every such place on lie in all of them.
-    unsafe {
-        let mut sums = [V::splat(0.0); N];
-        for k in (0..whole).step_by(8) {
-            let a = V::load(a.as_ptr().add(k));
-            for (sum, b) in sums.iter_mut().zip(&b) {
-                *sum = a.fma(V::load(b.as_ptr().add(k)), *sum);
-            }
-        }
-        sums.iter().zip(&mut lanes).for_each(|(sum, lanes)| sum.store(lanes.as_mut_ptr()));
-    }
-    std::array::from_fn(|n| {
-        let rest = a[whole..].iter().zip(&b[n][whole..]);
-        rest.fold(lanes[n].iter().sum::<f64>(), |sum, (a, b)| a.mul_add(*b, sum))
-    })
+/// Adds to sum `[i][j]` the `dot` of column `i` of `a`, all of one length, with column `j` of `b`, none of them
+/// shorter.
+pub fn add_dots(a: &[&[f64]], b: &[&[f64]], sums: &mut [f64]) {
+    // SAFETY: the width is this machine's.
+    unsafe { add_each(Width::detect(), a, b, sums) };
 }
 
 /// Number of sums that run side by side; fixed, so that the result is the same on every machine.

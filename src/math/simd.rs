@@ -112,6 +112,9 @@ pub trait Eight: Copy {
     /// # Safety
     /// The machine has this width.
     unsafe fn add(self, b: Self) -> Self;
+    /// # Safety
+    /// The machine has this width.
+    unsafe fn mul(self, b: Self) -> Self;
 }
 
 /// Eight numbers without any promise about the machine.
@@ -141,6 +144,10 @@ impl Eight for Plain {
     #[inline(always)]
     unsafe fn add(self, b: Self) -> Self {
         Plain(std::array::from_fn(|l| self.0[l] + b.0[l]))
+    }
+    #[inline(always)]
+    unsafe fn mul(self, b: Self) -> Self {
+        Plain(std::array::from_fn(|l| self.0[l] * b.0[l]))
     }
 }
 
@@ -190,6 +197,10 @@ mod x86 {
         unsafe fn add(self, b: Self) -> Self {
             unsafe { Avx2(_mm256_add_pd(self.0, b.0), _mm256_add_pd(self.1, b.1)) }
         }
+        #[inline(always)]
+        unsafe fn mul(self, b: Self) -> Self {
+            unsafe { Avx2(_mm256_mul_pd(self.0, b.0), _mm256_mul_pd(self.1, b.1)) }
+        }
     }
 
     #[derive(Clone, Copy)]
@@ -224,6 +235,10 @@ mod x86 {
         #[inline(always)]
         unsafe fn add(self, b: Self) -> Self {
             unsafe { Avx512(_mm512_add_pd(self.0, b.0)) }
+        }
+        #[inline(always)]
+        unsafe fn mul(self, b: Self) -> Self {
+            unsafe { Avx512(_mm512_mul_pd(self.0, b.0)) }
         }
     }
 }

@@ -23,7 +23,7 @@ use super::sums::{Size, Sums};
 use super::whitening::Noise;
 use crate::estimate::{Block, Case, Trace};
 use crate::math::all_finite;
-use crate::math::products::{Gram, dot};
+use crate::math::products::{Gram, add_dots};
 
 /// How a source does what it does here, in words after its name.
 pub const HOW: &str = ", acting at once";
@@ -99,12 +99,10 @@ fn joined(products: &Gram, columns: &[Vec<f64>], e: &[f64]) -> Gram {
     let n = products.n;
     let mut all = Gram::zero(n + 1);
     all.add(products, 0, &(0..n).collect::<Vec<_>>());
-    columns
-        .iter()
-        .map(|column| &column[..])
-        .chain([e])
-        .enumerate()
-        .for_each(|(k, column)| all.sums[k * (n + 1) + n] = dot(column, e));
+    let columns: Vec<&[f64]> = columns.iter().map(|column| &column[..]).chain([e]).collect();
+    let mut with = vec![0.0; n + 1];
+    add_dots(&columns, &[e], &mut with);
+    with.iter().enumerate().for_each(|(k, with)| all.sums[k * (n + 1) + n] = *with);
     all.scale[n] = all.sums[n * (n + 1) + n];
     all
 }

@@ -3,13 +3,12 @@
 
 use super::partly::Predictor;
 use crate::math::dense::{cholesky, cholesky_solve};
-use crate::math::products::dot;
+use crate::math::products::add_dots;
 use std::ops::Range;
 
 /// Sums of products `w_t w_(t-lag)'` of series of several outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lagged {
-    outputs: usize,
     /// Instants at which all of them were measured.
     pub count: usize,
     /// `[lag][outputs][outputs]`, lags up to the highest order.
@@ -18,20 +17,19 @@ pub struct Lagged {
 
 impl Lagged {
     pub fn zero(outputs: usize, order: usize) -> Lagged {
-        Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; order + 1] }
+        Lagged { count: 0, lags: vec![vec![0.0; outputs * outputs]; order + 1] }
     }
 
     /// Adds the products of one segment's series `[output][sample]`, all of one length, within runs
     /// of samples at which all were measured. Products are those of the residuals and of what was
     /// absorbed beside them: `count` is told apart.
     pub fn take(&mut self, w: &[&[f64]], runs: &[Range<usize>]) {
-        let m = self.outputs;
         for run in runs {
-            for (lag, sums) in self.lags.iter_mut().enumerate() {
-                for i in 0..m {
-                    let late = w[i][run.clone()].get(lag..).unwrap_or_default();
-                    (0..m).for_each(|j| sums[i * m + j] += dot(late, &w[j][run.clone()]));
-                }
+            let w: Vec<&[f64]> = w.iter().map(|w| &w[run.clone()]).collect();
+            let mut late = w.clone();
+            for sums in &mut self.lags {
+                add_dots(&late, &w, sums);
+                late.iter_mut().for_each(|w| *w = w.get(1..).unwrap_or_default());
             }
         }
     }

@@ -62,9 +62,12 @@ impl Sums {
         let n = columns.len();
         let e = &columns[n - 1];
         let products = pairs.iter().map(|&[a, b]| dot(&columns[a], &columns[b])).collect();
-        let mut scale: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
         let sums = upper_rows(columns, nuisances);
-        (0..nuisances).for_each(|i| scale[i] = sums[i * n + i]);
+        let square = |(i, column): (usize, &Vec<f64>)| match i < nuisances {
+            true => sums[i * n + i],
+            false => dot(column, column),
+        };
+        let scale = columns.iter().enumerate().map(square).collect();
         Sums {
             nuisances,
             rows: sums,
