@@ -49,7 +49,7 @@ pub fn checks<'s>(
         let Usable { unfit, driving, measured } = usable;
         return Ok(Checked { checks: path.checks, notes: path.notes, unfit, driving, measured });
     }
-    let usable = usable.following(model, driving, settings, &mut path)?;
+    let (usable, flight) = usable.following(model, driving, settings, &mut path)?;
     let plain =
         Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
     let coarse = Grid::covering(grid.t0, grid.time(grid.n - 1), 1.0 / COARSE_HZ);
@@ -57,7 +57,7 @@ pub fn checks<'s>(
     (path.t, path.outputs, path.sd) = (coarse.times(), nothing.value, nothing.sd);
     let (path, out) = {
         let (driving, measured) = usable.series(driving);
-        smooth(model, &driving, measured, &coarse, &plain, path)?
+        smooth(model, (&driving, flight), measured, &coarse, &plain, path)?
     };
     let unfit = out.iter().any(|which| matches!(which, Which::Input(_)));
     let reversed = |m: &Logged| out.contains(&Which::Output(m.output));

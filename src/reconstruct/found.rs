@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::settings::Settings;
-use super::signals::{Logged, Series};
+use super::signals::Logged;
 use super::smoother::flight::Flight;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
@@ -56,24 +56,12 @@ impl Found {
         (0..model.parameters.len()).filter(|&i| free(&model.parameters[i]) && !held(i)).collect()
     }
 
-    /// The signals, those of late sensors at the times they stand for.
-    pub fn flight(
-        &self,
-        kinematics: &Kinematics,
-        driving: &[Series],
-        measured: &[Logged],
-        settings: &Settings,
-    ) -> Flight {
-        let shifted: Vec<(usize, Vec<f64>, &[f64])> = measured
-            .iter()
-            .map(|m| {
-                let late = self.late.get(&m.output).copied().unwrap_or(0.0);
-                (m.output, m.t.iter().map(|t| t - late).collect(), &m.z[..])
-            })
-            .collect();
-        let series: Vec<(usize, Series)> =
-            shifted.iter().map(|(k, t, z)| (*k, (&t[..], *z))).collect();
-        Flight::new(kinematics, driving, &series, settings.smooth_s)
+    /// A flight that measures `measured`, with late sensors at the times they stand for.
+    pub fn flight(&self, flight: Flight, measured: &[Logged]) -> Flight {
+        flight.stamped(measured.iter().map(|m| {
+            let late = self.late.get(&m.output).copied().unwrap_or(0.0);
+            m.t.iter().map(|t| t - late).collect()
+        }))
     }
 
     /// Narrows the start of the sensor errors to what the whole flight says of them; what it was,

@@ -13,6 +13,7 @@ use super::sensor_errors::{biases, estimated, held};
 use super::settings::Settings;
 use super::signals::{Logged, Series};
 use super::slow::slow;
+use super::smoother::flight::Flight;
 use super::smoother::grid::Outputs;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
@@ -71,16 +72,16 @@ pub fn path(
     if usable.unfit {
         return Ok(path);
     }
-    let usable = usable.following(model, driving, settings, &mut path)?;
+    let (usable, flight) = usable.following(model, driving, settings, &mut path)?;
     let (driving, measured) = usable.series(driving);
-    Ok(smooth(model, &driving, measured, grid, settings, path)?.0)
+    Ok(smooth(model, (&driving, flight), measured, grid, settings, path)?.0)
 }
 
 /// The path by the smoother, and the channels that were left out because their sign is reversed
-/// (outputs by their place in the model).
+/// (outputs by their place in the model). The flight is driven by `driving`.
 pub fn smooth(
     model: &Model,
-    driving: &[Series],
+    (driving, flight): (&[Series], Flight),
     measured: Vec<Logged>,
     grid: &Grid,
     settings: &Settings,
@@ -111,11 +112,12 @@ pub fn smooth(
         .collect();
     slow(model, &mut measured, settings, &mut path);
     let mut found = Found::default();
+    let mut flight = flight.measuring(model, measured.iter().map(|m| (m.output, &m.z[..])));
     if !(settings.late.is_empty() && settings.candidates.is_empty() && settings.free.is_empty()) {
-        found = survey(model, driving, &measured, settings)?;
+        (found, flight) = survey(model, flight, &measured, settings)?;
     }
     let kinematics = Kinematics::new(model, found.free(model, settings))?;
-    let flight = found.flight(&kinematics, driving, &measured, settings);
+    let flight = found.flight(flight, &measured);
     let smoother = Smoother::new(&kinematics, &flight, settings.gate);
     path.late.clone_from(&found.late);
     let angles = ANGLES.iter().filter_map(|angle| model.output(angle));

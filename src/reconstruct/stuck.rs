@@ -26,6 +26,7 @@ use super::settings::Settings;
 use super::signals::{Logged, Series};
 use super::slow::slow;
 use super::smoother::Smoother;
+use super::smoother::flight::Flight;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::stretches::{guess, stretches};
@@ -69,18 +70,20 @@ struct Asked {
     spans: Vec<[f64; 2]>,
 }
 
-/// Masks what is stuck in `measured`; it goes into the rows and notes of the path.
+/// Masks what is stuck in `measured`; it goes into the rows and notes of the path. The flight, driven by
+/// `driving`, comes back with nothing measured.
 ///
 /// # Errors
 /// The model is none that the smoother can run.
 pub fn mask(
     model: &Model,
-    driving: &[Series],
+    (driving, flight): (&[Series], Flight),
     measured: &mut [Logged],
     settings: &Settings,
     path: &mut FlightPath,
-) -> Result<(), Errors> {
-    for asked in all(model, driving, measured, settings)? {
+) -> Result<Flight, Errors> {
+    let (all, flight) = all(model, (driving, flight), measured, settings)?;
+    for asked in all {
         let name = &model.outputs[asked.output].name;
         path.checks.push(row(name, &asked));
         let Some(m) = measured.iter_mut().find(|m| m.output == asked.output) else { continue };
@@ -94,7 +97,7 @@ pub fn mask(
             path.notes.push(Note::of(name, b - a, text));
         }
     }
-    Ok(())
+    Ok(flight.measuring(model, []))
 }
 
 fn row(name: &str, asked: &Asked) -> Row {
@@ -115,13 +118,13 @@ fn row(name: &str, asked: &Asked) -> Row {
     Row { low: STANDS, high: f64::INFINITY, ..row }
 }
 
-/// All outputs that can be asked.
+/// All outputs that can be asked, and the flight.
 fn all(
     model: &Model,
-    driving: &[Series],
+    (driving, flight): (&[Series], Flight),
     measured: &[Logged],
     settings: &Settings,
-) -> Result<Vec<Asked>, Errors> {
+) -> Result<(Vec<Asked>, Flight), Errors> {
     let plain =
         Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
     // Air data that mean nothing, while it rolls slowly, are no stuck vanes.
@@ -130,7 +133,8 @@ fn all(
     slow(model, &mut moving, settings, &mut FlightPath::default());
     let found = Found::default();
     let kinematics = Kinematics::new(model, found.free(model, &plain))?;
-    let flight = found.flight(&kinematics, driving, &moving, &plain);
+    let flight = flight.measuring(model, moving.iter().map(|m| (m.output, &m.z[..])));
+    let flight = found.flight(flight, &moving);
     let smoother = Smoother::new(&kinematics, &flight, f64::INFINITY);
     let stretches = stretches(&flight, &plain);
     let (levels, _) = guess(&kinematics, &flight, &plain);
@@ -149,7 +153,8 @@ fn all(
         let own = driving.len() + m;
         work.asked(k, &all[own], &suspects(&all, own))
     };
-    Ok(channels.par_iter().filter_map(ask).collect())
+    let asked = channels.par_iter().filter_map(ask).collect();
+    Ok((asked, flight))
 }
 
 /// How much a series moves in each part: root mean square of its changes over `LAG`; NaN where it is not

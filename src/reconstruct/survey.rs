@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 use super::found::{Found, Held};
 use super::settings::Settings;
-use super::signals::{Logged, Series};
+use super::signals::Logged;
+use super::smoother::flight::Flight;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::smoother::{Smoothed, Smoother};
@@ -34,18 +35,19 @@ pub const SIGNIFICANT: f64 = 2.0;
 const PASSES: usize = 2;
 
 /// Smooths the longest stretch until the late sensors' stamps are where they belong, then asks
-/// which candidates the data support.
+/// which candidates the data support. The flight measures `measured`; it comes back with the stamps of the
+/// last smoothing.
 pub fn survey(
     model: &Model,
-    driving: &[Series],
+    mut flight: Flight,
     measured: &[Logged],
     settings: &Settings,
-) -> std::result::Result<Found, Errors> {
+) -> std::result::Result<(Found, Flight), Errors> {
     let mut found = Found { passes: PASSES, ..Found::default() };
     let mut whole = false;
     for _ in 0..SURVEYS {
         let kinematics = Kinematics::new(model, found.free(model, settings))?;
-        let flight = found.flight(&kinematics, driving, measured, settings);
+        flight = found.flight(flight, measured);
         let smoother = Smoother::new(&kinematics, &flight, settings.gate);
         let stretches = stretches(&flight, settings);
         let length = |s: &&[f64; 2]| s[1] - s[0];
@@ -99,7 +101,7 @@ pub fn survey(
             break;
         }
     }
-    Ok(found)
+    Ok((found, flight))
 }
 
 /// The free parameters of a kinematic model as a smoothing found them: values and covariance

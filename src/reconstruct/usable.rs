@@ -8,6 +8,7 @@ use super::path::{FlightPath, Note};
 use super::plausible;
 use super::settings::Settings;
 use super::signals::{Logged, Series};
+use super::smoother::flight::Flight;
 use super::stuck;
 use super::verdicts;
 use crate::error::Errors;
@@ -37,7 +38,7 @@ impl<'s> Usable<'s> {
         )
     }
 
-    /// The same without what is stuck while others say that it moves.
+    /// The same without what is stuck while others say that it moves, and the flight that they drive.
     ///
     /// # Errors
     /// The model is none that the smoother can run.
@@ -47,11 +48,12 @@ impl<'s> Usable<'s> {
         driving: &[Series],
         settings: &Settings,
         path: &mut FlightPath,
-    ) -> Result<Self, Errors> {
+    ) -> Result<(Self, Flight), Errors> {
         let driving: Vec<Series> =
             driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect();
-        stuck::mask(model, &driving, &mut self.measured, settings, path)?;
-        Ok(self)
+        let flight = Flight::driven(model, &driving, settings.smooth_s);
+        let flight = stuck::mask(model, (&driving, flight), &mut self.measured, settings, path)?;
+        Ok((self, flight))
     }
 }
 

@@ -4,10 +4,15 @@
 //! Inputs run straight between their samples. An input whose time derivative the model asks for
 //! (lever arms) is replaced by the local cubic through a short window at its own stamps, which
 //! gives value and derivative together.
+//!
+//! Three steps, because a flight is smoothed again and again while its sensor errors are found: the inputs
+//! hang on the model and on what drives it, the channels on what was measured, and only stamps on how late
+//! sensors are. Every step takes the flight as it is and leaves what was made before it in place.
 
-use super::kinematics::Kinematics;
 use super::local;
 use crate::math::interpolate::between;
+use crate::model::Model;
+use crate::model::graph::{Leaf, Node};
 use crate::reconstruct::signals::Series;
 use crate::signal::robust::noise_sd;
 
@@ -73,14 +78,11 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// `driving`: one series per input of the model; `measured`: (output, series). Ascending times.
-    /// `smooth_s`: length of the local cubic of the inputs that are differentiated.
-    pub fn new(
-        kinematics: &Kinematics,
-        driving: &[Series],
-        measured: &[(usize, Series)],
-        smooth_s: f64,
-    ) -> Flight {
+    /// A flight of which nothing is measured yet. `driving`: one series per input of the model, ascending
+    /// times. `smooth_s`: length of the local cubic of the inputs that are differentiated.
+    pub fn driven(model: &Model, driving: &[Series], smooth_s: f64) -> Flight {
+        let nodes: Vec<Node> = model.rates.iter().chain(&model.output_nodes).copied().collect();
+        let leaves = model.graph.leaves(&nodes);
         let mut flight = Flight::default();
         for (i, (t, value)) in driving.iter().enumerate() {
             let known: Vec<usize> =
@@ -94,7 +96,8 @@ impl Flight {
                 spread: local::spread(&value).max(10.0 * sd),
                 ..Default::default()
             };
-            if kinematics.differentiated[i] {
+            let is_differentiated = leaves.contains(&Leaf::InputRate(i));
+            if is_differentiated {
                 let half = smooth_s / spacing(&t).max(SAME) / 2.0;
                 let smooth = local::cubic(&t, &value, (half as usize).max(2), GAP * spacing(&t));
                 input.direct = [smooth.gain[0] * sd * sd, smooth.gain[1] * sd * sd];
@@ -106,7 +109,8 @@ impl Flight {
                 flight.clocks.push(Clock { spacing: spacing(&t), t, ..Default::default() });
                 flight.clocks.len() - 1
             });
-            flight.clocks[input.clock].drives |= kinematics.driving[i];
+            flight.clocks[input.clock].drives |=
+                is_differentiated || leaves.contains(&Leaf::Input(i));
             flight.inputs.push(input);
         }
         let fastest = flight
@@ -118,17 +122,35 @@ impl Flight {
         for clock in &mut flight.clocks {
             clock.steps = clock.drives && clock.spacing <= 1.5 * fastest;
         }
-        for (output, (t, z)) in measured {
-            let angle = kinematics.model.outputs[*output].unit == "rad";
-            let sd = noise_sd(&if angle { local::unwrap(z) } else { z.to_vec() });
-            let number = flight.channels.len();
-            flight.channels.push(Channel { output: *output, z: z.to_vec(), sd, angle });
-            match flight.packets.iter_mut().find(|p| p.t == *t) {
+        flight
+    }
+
+    /// The same of which this is measured, and nothing else: outputs of the model with their values, whose
+    /// stamps are still to come.
+    pub fn measuring<'z>(
+        mut self,
+        model: &Model,
+        measured: impl IntoIterator<Item = (usize, &'z [f64])>,
+    ) -> Flight {
+        (self.channels, self.packets) = (Vec::new(), Vec::new());
+        for (output, z) in measured {
+            let angle = model.outputs[output].unit == "rad";
+            let sd = if angle { noise_sd(&local::unwrap(z)) } else { noise_sd(z) };
+            self.channels.push(Channel { output, z: z.to_vec(), sd, angle });
+        }
+        self
+    }
+
+    /// The same with these stamps, ascending, of its channels, one after the other.
+    pub fn stamped(mut self, stamps: impl IntoIterator<Item = Vec<f64>>) -> Flight {
+        self.packets = Vec::new();
+        for (number, t) in stamps.into_iter().enumerate() {
+            match self.packets.iter_mut().find(|p| p.t == t) {
                 Some(packet) => packet.channels.push(number),
-                None => flight.packets.push(Packet { t: t.to_vec(), channels: vec![number] }),
+                None => self.packets.push(Packet { t, channels: vec![number] }),
             }
         }
-        flight
+        self
     }
 
     /// The times at which all inputs are known, between gaps longer than `coast` s: `[begin, end]`

@@ -218,10 +218,6 @@ pub struct Kinematics<'m> {
     pub outputs: Program,
     /// All outputs and d(output)/d(states, free parameters, inputs, input rates).
     pub output_jacobian: Derivatives,
-    /// The inputs whose time derivative the model asks for.
-    pub differentiated: Vec<bool>,
-    /// The inputs that drive anything: others are read at the start alone.
-    pub driving: Vec<bool>,
 }
 
 impl<'m> Kinematics<'m> {
@@ -237,10 +233,6 @@ impl<'m> Kinematics<'m> {
             ))
             .help("put known sensor delays into the channel map, or use method = \"windows\""));
         }
-        let nodes: Vec<Node> = model.rates.iter().chain(&model.output_nodes).copied().collect();
-        let leaves = model.graph.leaves(&nodes);
-        let differentiated =
-            (0..model.inputs.len()).map(|i| leaves.contains(&Leaf::InputRate(i))).collect();
         let moved = model.graph.leaves(&model.rates);
         let moves = |i: &usize| moved.contains(&Leaf::Parameter(*i));
         free.sort_by_key(|i| (!moves(i), *i));
@@ -266,10 +258,6 @@ impl<'m> Kinematics<'m> {
             jacobian,
             outputs: Derivatives::new(model, &model.output_nodes, &[]).program,
             output_jacobian: Derivatives::new(model, &model.output_nodes, &columns),
-            differentiated,
-            driving: (0..model.inputs.len())
-                .map(|i| leaves.contains(&Leaf::Input(i)) || leaves.contains(&Leaf::InputRate(i)))
-                .collect(),
             model,
             free,
             moving,

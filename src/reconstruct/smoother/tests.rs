@@ -80,6 +80,14 @@ struct Cart {
     zv: Vec<f64>,
 }
 
+impl Cart {
+    fn flight(&self, model: &Model) -> Flight {
+        Flight::driven(model, &[(&self.ta, &self.a)], 0.0)
+            .measuring(model, [(0, &self.zs[..]), (1, &self.zv[..])])
+            .stamped([self.ts.clone(), self.tv.clone()])
+    }
+}
+
 /// Accelerations at 10 Hz with jitter, positions and speeds at rates of their own.
 fn cart_data() -> Cart {
     let mut normal = Normal::new(7);
@@ -101,8 +109,7 @@ fn truth_a_linear_flight_equals_dense_least_squares() {
     let model = cart();
     let d = cart_data();
     let kinematics = Kinematics::new(&model, vec![0]).expect("no delays");
-    let measured = [(0, (&d.ts[..], &d.zs[..])), (1, (&d.tv[..], &d.zv[..]))];
-    let flight = Flight::new(&kinematics, &[(&d.ta, &d.a)], &measured, 0.0);
+    let flight = d.flight(&model);
     let levels = Levels {
         r: vec![0.04, 0.09],
         density: vec![0.02],
@@ -221,8 +228,7 @@ fn checkpoints_change_no_bit() {
     let model = cart();
     let d = cart_data();
     let kinematics = Kinematics::new(&model, vec![0]).expect("no delays");
-    let measured = [(0, (&d.ts[..], &d.zs[..])), (1, (&d.tv[..], &d.zv[..]))];
-    let flight = Flight::new(&kinematics, &[(&d.ta, &d.a)], &measured, 0.0);
+    let flight = d.flight(&model);
     let levels = Levels::guess(
         &kinematics,
         &flight,
