@@ -157,15 +157,23 @@ fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
 /// step of `step_tolerance` does that ends at the lowest point of a parabola; or the last two, cut short or
 /// not, by less than `creep`. At a kink a gradient need not vanish, and shorter steps come no nearer.
 fn crawls(history: &[Iteration], method: &Method) -> bool {
-    let brought = |steps: usize, is_idle: &dyn Fn(&Iteration) -> bool| {
-        let before = history.len().checked_sub(steps + 1)?;
-        let last = &history[before + 1..];
-        let idle = last.iter().all(|i| i.step < NEAR && is_idle(i));
-        idle.then(|| history[before].cost - last[steps - 1].cost)
-    };
     let tolerated = 0.5 * method.step_tolerance * method.step_tolerance;
-    brought(CRAWL, &|i| i.halvings > 0).is_some_and(|gain| gain < tolerated)
-        || brought(CREEP_STEPS, &|_| true).is_some_and(|gain| gain < method.creep)
+    brought(history, CRAWL, |i| i.step < NEAR && i.halvings > 0)
+        .is_some_and(|gain| gain < tolerated)
+        || brought(history, CREEP_STEPS, |i| i.step < NEAR).is_some_and(|gain| gain < method.creep)
+}
+
+/// By how much the last `steps` together lowered the cost; none where there are fewer, or one of them is not
+/// `such`.
+pub fn brought(
+    history: &[Iteration],
+    steps: usize,
+    such: impl Fn(&Iteration) -> bool,
+) -> Option<f64> {
+    let before = history.len().checked_sub(steps + 1)?;
+    let (first, last) = (&history[before], &history[before + 1..]);
+    let end = last.last().filter(|_| last.iter().all(such))?;
+    Some(first.cost - end.cost)
 }
 
 /// A step past a kink of the cost, which stops one that is only shortened: damped, or else along

@@ -43,7 +43,7 @@ pub use blocks::{Block, Samples, at_instants, give_back};
 pub use covariance::Scatter;
 pub use covariance::{Covariance, Structure};
 pub use fit::Fit;
-pub use gauss::minimise;
+pub use gauss::{brought, minimise};
 pub use iteration::{Iteration, Stop};
 pub use layout::{Layout, Part};
 pub use method::{Method, StepControl, Undetermined};

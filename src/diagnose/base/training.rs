@@ -11,8 +11,8 @@ use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::Case;
 use crate::least_squares::{
-    Block, Evaluate, Iteration, Layout, Method, Part, Stop, Structure, Undetermined, give_back,
-    minimise,
+    Block, Evaluate, Iteration, Layout, Method, Part, Stop, Structure, Undetermined, brought,
+    give_back, minimise,
 };
 use crate::math::pool;
 use crate::math::turned::rows_of;
@@ -175,12 +175,8 @@ impl Task<'_> {
     /// Whether kinks cut the last steps short, and all of them together brought less than one may still promise:
     /// across a kink (friction, play) a parabola promises what is not there.
     fn is_at_rest(&self, history: &[Iteration]) -> bool {
-        let Some(before) = history.len().checked_sub(self.thresholds.rest + 1) else {
-            return false;
-        };
-        let (first, last) = (&history[before], &history[before + 1..]);
-        let brought = first.cost - last.last().map_or(f64::NAN, |i| i.cost);
-        last.iter().all(|i| i.halvings > 0) && brought < self.promise()
+        brought(history, self.thresholds.rest, |i| i.halvings > 0)
+            .is_some_and(|gain| gain < self.promise())
     }
 
     /// Cost of all segments at `theta`, with what priors add.

@@ -9,12 +9,12 @@
 //! on. One that explains most and is contradicted all the same stays in the model without being
 //! named: the others are judged with it in place.
 
+mod adding;
 mod back;
 
 use super::answering::answering;
 use super::ending::ended;
 use super::fits::Fits;
-use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::joined;
 use super::round::{held_against, referenced};
@@ -24,10 +24,10 @@ use crate::diagnose::base::found::{Found, at_first, at_next};
 use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::{Candidate, Wanted, effect_of};
 use crate::diagnose::gap::comparison::Comparison;
-use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
 use crate::error::Errors;
 use crate::model::Model;
+use adding::{Link, beside, to_add};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -37,26 +37,6 @@ pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
 
 /// Attaches the effects wanted of the library to a model.
 pub type Offer<'a> = dyn Fn(&Model, &Wanted) -> Result<Offered, Errors> + 'a;
-
-/// An effect in the model as it stands.
-#[derive(Debug, Clone)]
-struct Link {
-    name: String,
-    values: Vec<f64>,
-    evidence: f64,
-    /// What chance gives among all candidates of the round in which it was found.
-    limit: f64,
-    /// Candidates that came near it in its round.
-    rivals: Vec<String>,
-    /// Those of its round that explain the same, and are not told from it.
-    alike: Vec<String>,
-    /// Why it is not believed although nothing explains more.
-    doubt: Option<String>,
-    /// It takes noise out of a record, or is nothing but that.
-    noise: bool,
-    /// Everything that the fit found in which it was added.
-    known: Known,
-}
 
 /// The base with what was added, as it was fitted once.
 struct Made {
@@ -203,27 +183,6 @@ impl Search<'_> {
         Stand::first(self.subject.model, self.subject.method, self.subject.settings.base)
     }
 
-    /// The link that a candidate is an alternative to, where beside it it adds little: the two explain the same, each
-    /// in its own way, and what the chosen one leaves is no second effect.
-    fn instead_of(&self, judged: &Judged) -> Option<&Link> {
-        let share = self.subject.settings.thresholds.between;
-        self.links
-            .iter()
-            .find(|l| l.alike.contains(&judged.name) && judged.evidence < share * l.evidence)
-    }
-
-    /// What such candidates of a round add, in words.
-    fn beside(&self, round: &Round) -> Vec<String> {
-        let words = |j: &Judged| {
-            let link = self.instead_of(j).filter(|_| j.evidence > round.limit)?;
-            Some(format!(
-                "beside {}, {}, which explains the same, gains {:.1} more, where chance gives {:.1}",
-                link.name, j.name, j.evidence, round.limit
-            ))
-        };
-        round.class.iter().filter_map(|&c| words(round.judged.get(c)?)).collect()
-    }
-
     fn rivals(&self) -> usize {
         self.subject.settings.thresholds.rivals
     }
@@ -277,9 +236,9 @@ impl Search<'_> {
             });
             let number = self.out.rounds.len() + 1;
             let round = self.round(&stand, found, (&candidates, 0.0, None))?;
-            self.out.beside = self.beside(&round);
-            let chosen = to_add(&round, &|j| self.instead_of(j).is_some(), self.subject.settings);
-            let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
+            self.out.beside = beside(&self.links, &round, &self.subject.settings.thresholds);
+            let chosen = to_add(&self.links, &round, self.subject.settings);
+            let link = chosen.and_then(|c| Link::of(&round, &round.judged[c], self.rivals()));
             (self.progress)(&match &link {
                 Some(link) => {
                     format!("round {number}: {} is added, evidence {:.1}", link.name, link.evidence)
@@ -335,62 +294,4 @@ impl Search<'_> {
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
         Ok(round)
     }
-}
-
-/// The candidate to add: the first of the class, unless another one has more evidence by far that
-/// held-out maneuvers hardly take away. Beside a name that one may be one that the flights do not
-/// determine: the name would be wrong where something else explains far more. What noise of the inputs makes is
-/// not added, nor is an alternative to what is there (`is_instead`) and what explains the same as that one.
-fn to_add(
-    round: &Round,
-    is_instead: &dyn Fn(&Judged) -> bool,
-    settings: &Settings,
-) -> Option<usize> {
-    let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
-    let held = |j: &Judged| {
-        j.standing.is_doubt()
-            && j.standing != Standing::ByNoise
-            && !(j.standing == Standing::Unidentifiable && round.class.is_empty())
-            && j.evidence > round.limit
-            && j.evidence > (1.0 - settings.thresholds.held_out_taken) * gain(j)
-    };
-    let passing =
-        |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
-    let best = round.class.iter().any(|&c| is_instead(&round.judged[c]));
-    let is_out = |j: &Judged| is_instead(j) || best && j.replaces;
-    let able = (0..round.judged.len())
-        .filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]))
-        .filter(|&i| !is_out(&round.judged[i]));
-    let top =
-        able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
-    match round.class.iter().find(|&&c| !is_out(&round.judged[c])) {
-        Some(&first)
-            if round.class.iter().any(|&c| {
-                round.judged[c].evidence > round.judged[top].evidence - settings.apart
-            }) =>
-        {
-            Some(first)
-        }
-        _ => Some(top),
-    }
-}
-
-fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
-    let refit = judged.refit.as_ref()?;
-    let mut near: Vec<&Judged> =
-        round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
-    near.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let class = round.class.iter().filter_map(|&c| round.judged.get(c));
-    let alike = class.filter(|j| j.name != judged.name);
-    Some(Link {
-        name: judged.name.clone(),
-        values: refit.values.iter().map(|v| v.value).collect(),
-        evidence: judged.evidence,
-        limit: round.limit,
-        rivals: near.iter().take(rivals).map(|j| j.name.clone()).collect(),
-        alike: alike.map(|j| j.name.clone()).collect(),
-        doubt: None,
-        noise: judged.is_of_record(),
-        known: refit.known.clone(),
-    })
 }

@@ -1,7 +1,8 @@
 //! What was added comes in; each of it tested with everything else in place, and chosen again from other
 //! maneuvers, goes out.
 
-use super::{Link, Search, link};
+use super::Search;
+use super::adding::Link;
 use crate::diagnose::base::found::Found;
 use crate::diagnose::effect::effect_of;
 use crate::diagnose::search::decide::gives_way;
@@ -55,7 +56,7 @@ impl Search<'_> {
                 .filter_map(judged)
                 .find(others)
                 .filter(|j| !self.ending && (!(j.evidence < evidence) || instead(j)));
-            if let Some(better) = better.and_then(|j| link(round, j, self.rivals())) {
+            if let Some(better) = better.and_then(|j| Link::of(round, j, self.rivals())) {
                 if better.evidence < evidence {
                     self.dropped.push(name);
                 }
