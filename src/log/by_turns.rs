@@ -2,8 +2,9 @@
 //! the same time, out.
 //!
 //! Two clocks that take turns are apart by the same all the time: it goes ahead by that at one turn, and back at
-//! the next. Messages that come late by the same all the time look alike, but for their ends: they tell of the
-//! same time as the others do, while one of two clocks begins that much later, and ends that much later. And a
+//! the next. Messages that come late by the same all the time look alike, but for their ends: of a record of 100 s
+//! both cover the same 0 to 100 s, where one of two clocks covers 0 to 100 s and the other 5 to 105 s (a record that
+//! begins and ends while messages come late looks like two clocks: by stamps alone nobody can say). And a
 //! clock goes on from message to message, which a table in another order than that of time does not.
 
 use super::turned::FEW;
@@ -46,7 +47,7 @@ pub fn by_turns(times: &[i64], apart: i64) -> Option<ByTurns> {
     let is_shifted =
         is_near(later_from.saturating_sub(from), by) && is_near(later_to.saturating_sub(to), by);
     let goes_on = [false, true].iter().all(|side| goes_on(times, &is_ahead, *side, apart));
-    (is_shifted && goes_on).then_some(ByTurns { is_ahead, by })
+    (is_shifted && goes_on && !is_repeated(times, &is_ahead)).then_some(ByTurns { is_ahead, by })
 }
 
 /// A step that is far.
@@ -88,6 +89,22 @@ fn sides(count: usize, jumps: &[Jump]) -> Vec<bool> {
 fn span(times: &[i64], is_ahead: &[bool], side: bool) -> Option<(i64, i64)> {
     let of = || times.iter().zip(is_ahead).filter(|(_, is)| **is == side).map(|(t, _)| *t);
     of().min().zip(of().max())
+}
+
+/// Whether most messages of the rarer side have the time of one of the other: a link sends them again, and they
+/// are of one clock.
+fn is_repeated(times: &[i64], is_ahead: &[bool]) -> bool {
+    let of = |side: bool| -> Vec<i64> {
+        let these = times.iter().zip(is_ahead).filter(|(_, is)| **is == side);
+        these.map(|(t, _)| *t).collect()
+    };
+    let [mut one, mut other] = [of(false), of(true)];
+    if one.len() > other.len() {
+        std::mem::swap(&mut one, &mut other);
+    }
+    other.sort_unstable();
+    let again = one.iter().filter(|t| other.binary_search(t).is_ok()).count();
+    2 * again > one.len()
 }
 
 /// Whether the messages of one side follow each other in time, but for a few.
@@ -161,6 +178,14 @@ mod tests {
             placed.sort_unstable();
             let times: Vec<i64> = placed.into_iter().map(|(_, t)| t).collect();
             assert!(times.windows(2).filter(|w| w[1] - w[0] < -S).count() > 100);
+            assert_eq!(by_turns(&times, S), None, "{every}");
+        }
+        // sent again 2 s later, all of them and every fifth, by a link that ran before and goes on after
+        for every in [1, 5] {
+            let again = |k: i64| (k % every == 0).then_some(500 * S + 100_000_000 * k - 2 * S);
+            let times: Vec<i64> = (0..600)
+                .flat_map(|k| std::iter::once(500 * S + 100_000_000 * k).chain(again(k)))
+                .collect();
             assert_eq!(by_turns(&times, S), None, "{every}");
         }
         // blocks that changed places two by two, and pauses

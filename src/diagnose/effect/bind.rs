@@ -290,13 +290,14 @@ impl<'a> Binding<'a> {
         let middle = size.about.as_ref().map_or(0.0, |of| self.middle(of));
         let check = size.near.as_ref().and_then(|near| {
             let constant = roles::find(&near.role, self.base, self.context).into_iter().next()?;
-            let value = self.constant(&constant.text)? / over;
-            // a distance, or the time that it takes
-            let text = match size.over.as_ref().and_then(|over| self.bound.get(over.as_str())) {
-                Some(over) => format!("{}/{}", constant.text, over.ident),
-                None => constant.text,
+            let value = self.constant(&constant.text)?;
+            // A distance, or the time that it takes at the airspeed flown, where that is known.
+            let Some(over) = &size.over else {
+                return Some(Check { value, text: constant.text, within: near.within });
             };
-            Some(Check { value, text, within: near.within })
+            let middle = Some(self.middle(over)).filter(|v| *v > 0.0)?;
+            let text = format!("{}/{}", constant.text, self.bound.get(over.as_str())?.ident);
+            Some(Check { value: value / middle, text, within: near.within })
         });
         let mut starts: Vec<f64> = size.starts.iter().map(|s| middle + s * scale).collect();
         if let Some(check) = &check

@@ -279,11 +279,17 @@ fn a_model_with_an_effect_found_is_its_text_with_lines_added() {
         lag.added[1].check,
         Some(Check { text: "r_H".into(), value: lag.added[1].starts[0], within: 0.2 })
     );
-    // In its other forms it takes the time of that distance, about.
-    for name in ["downwash-lag-time:eta", "downwash-lag-first-order:eta"] {
-        let form = offer.candidates.iter().find(|c| c.name == name).unwrap();
-        let value = lag.added[1].starts[0] / 100.0; // where nothing says how fast it flies
-        assert_eq!(form.added[1].check, Some(Check { text: "r_H/V".into(), value, within: 1.0 }));
+    // In its other forms it takes the time of that distance, about, where the airspeed is known.
+    let context =
+        Context { middles: [("V".to_string(), 80.0)].into_iter().collect(), ..Context::default() };
+    for (context, known) in [(&context, true), (&Context::default(), false)] {
+        let offer = candidates(&base, context, &library());
+        for name in ["downwash-lag-time:eta", "downwash-lag-first-order:eta"] {
+            let form = offer.candidates.iter().find(|c| c.name == name).unwrap();
+            let value = lag.added[1].starts[0] / 80.0;
+            let check = Check { text: "r_H/V".into(), value, within: 1.0 };
+            assert_eq!(form.added[1].check, known.then_some(check), "{name}");
+        }
     }
     let values = [("C_m_eta_lag".to_string(), 0.25)].into();
     let text = lag.text(&base, &values, &[], "found by a test\nin two lines");

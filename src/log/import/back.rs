@@ -51,7 +51,10 @@ fn is_set_back(times: &[i64], k: usize, step: i64) -> bool {
     let before = times[..k].iter().filter(|t| **t <= times[k]).max();
     let behind = times[..k].iter().filter(|t| **t > times[k]).min();
     let has_room = before.zip(behind).is_none_or(|(before, behind)| hole(*before, *behind));
-    goes_on && !has_room
+    // where it jitters, nothing is lost over a few rows
+    let lost =
+        k.checked_sub(3).and_then(|from| Some(times.get(k + 2)?.saturating_sub(times[from])));
+    goes_on && !has_room && lost.is_some_and(|five| five < step.saturating_mul(4))
 }
 
 /// Rows at the time of an earlier one, of which a reader of the log takes the first.
@@ -104,6 +107,14 @@ mod tests {
         let notes = of(|times| times[100..].iter_mut().for_each(|t| *t -= 50 * MS));
         let twice = "topic /a: 1 of 200 rows have the time of an earlier row, first row 101 of its data (4.950 s)";
         assert!(notes.len() == 1 && notes[0].starts_with(twice), "{notes:?}");
+    }
+
+    #[test]
+    fn a_clock_that_jitters_is_not_set_back() {
+        let notes = of(|times| times.insert(100, times[100] - 2 * MS));
+        assert!(notes.is_empty(), "{notes:?}");
+        let notes = of(|times| times.insert(101, times[100] - 2 * MS));
+        assert!(notes.len() == 1 && notes[0].contains("the time goes back behind"), "{notes:?}");
     }
 
     #[test]
